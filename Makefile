@@ -1,0 +1,49 @@
+# posture: install, train, evaluate, check. `make` lists the targets.
+
+# 3.11 is what constraints.txt was resolved on; another python3 serves where it is missing.
+PYTHON ?= $(shell python3.11 -c '' 2>/dev/null && echo python3.11 || echo python3)
+ARGS ?=
+BIN := .venv/bin
+STAMP := .venv/.installed
+
+.DEFAULT_GOAL := help
+.PHONY: help setup train eval test test-slow lint types check clean
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@echo "Arguments: make train ARGS='env.freq=0.4 seed=1'; another interpreter: PYTHON=python3.12"
+
+setup: $(STAMP) ## create .venv and install (redone when pyproject.toml or constraints.txt change)
+
+$(STAMP): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
+		echo "posture needs Python >= 3.11, but PYTHON=$(PYTHON) is $$($(PYTHON) --version 2>&1 | head -n 1);" \
+			"name a newer one, e.g. make setup PYTHON=python3.11" >&2; exit 1; }
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev]'
+	@touch $@
+
+train: setup ## train and evaluate a policy; Hydra overrides in ARGS
+	$(BIN)/python -m posture.train $(ARGS)
+
+eval: setup ## evaluate a trained policy; Hydra overrides in ARGS
+	$(BIN)/python -m posture.eval $(ARGS)
+
+test: setup ## run the quick tests; pytest options in ARGS
+	$(BIN)/python -m pytest $(ARGS)
+
+test-slow: setup ## run the slow tests alone; pytest options in ARGS
+	$(BIN)/python -m pytest -m slow $(ARGS)
+
+lint: setup ## check style and formatting
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: setup ## check types
+	$(BIN)/mypy
+
+check: lint types test ## lint, types and quick tests: what must pass before a commit
+
+clean: ## remove caches and build output; never runs/ or .venv
+	rm -rf build *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis
+	find posture envs tests -type d -name __pycache__ -prune -exec rm -rf {} +

@@ -1,0 +1,97 @@
+"""The head's target over time (paper Eq. 5): x(t) = A (1 - cos phi(t)), which starts at rest at 0 and reaches 2 A.
+
+At a fixed frequency phi = 2 pi f t; in a ramp the frequency changes linearly and the phase is its integral.
+"""
+
+import math
+
+import torch
+
+from envs.config import Ramp
+
+
+def phase(time: torch.Tensor, freq: torch.Tensor, rate: torch.Tensor, duration: torch.Tensor) -> torch.Tensor:
+    """Phase of the target [rad] after `time` [s], with start frequency `freq` [Hz] that changes by `rate` [Hz/s] for
+    `duration` [s] and then holds. All shapes (N,)."""
+    ramped = torch.minimum(time, duration)
+    return 2.0 * math.pi * (freq * time + rate * (ramped * time - 0.5 * ramped**2))
+
+
+def frequency(time: torch.Tensor, freq: torch.Tensor, rate: torch.Tensor, duration: torch.Tensor) -> torch.Tensor:
+    """Frequency of the target at `time` [Hz], the derivative of `phase` over 2 pi. Shape (N,)."""
+    return freq + rate * torch.minimum(time, duration)
+
+
+def position(phase: torch.Tensor, amplitude: float) -> torch.Tensor:
+    """Target x [m] at `phase` [rad], between 0 and 2 `amplitude` (paper Eq. 5). Shape (N,)."""
+    return amplitude * (1.0 - torch.cos(phase))
+
+
+def velocity(phase: torch.Tensor, freq: torch.Tensor, amplitude: float) -> torch.Tensor:
+    """Target velocity along x [m/s] at `phase` [rad] and momentary `freq` [Hz]. Shape (N,)."""
+    return amplitude * 2.0 * math.pi * freq * torch.sin(phase)
+
+
+class FrequencySource:
+    """Gives each world the frequency of its next episode: fixed, drawn from a range, or the start of a ramp.
+
+    A drawn frequency depends on the seed, the world and the number of its episode alone, so a world of a large batch meets
+    the same targets as the same world of a small one, and nothing but the episode count needs to be saved.
+
+    `stratified`: world i of N draws from the i-th of N equal parts of the range. The marginal distribution stays uniform,
+    and so does the share of *samples* of each frequency: frequencies at which episodes end early are otherwise the rarest
+    in the samples, though they need the most.
+    """
+
+    def __init__(
+        self, freq: float | tuple[float, float] | Ramp, draw: str, num_worlds: int, seed: int, device: torch.device
+    ) -> None:
+        worlds = torch.arange(num_worlds, device=device)
+        self._seed = seed
+        if isinstance(freq, Ramp):
+            low = high = freq.start
+        elif isinstance(freq, tuple):
+            low, high = freq
+        else:
+            low = high = freq
+        parts = num_worlds if draw == "stratified" else 1
+        width = (high - low) / parts
+        self._low = low + width * (worlds if parts > 1 else torch.zeros_like(worlds))
+        self._width = width
+        self._worlds = worlds
+        self.rate = torch.full((num_worlds,), freq.rate if isinstance(freq, Ramp) else 0.0, device=device)
+        self.duration = torch.full((num_worlds,), freq.duration if isinstance(freq, Ramp) else 0.0, device=device)
+
+    def fix(self, freq: torch.Tensor) -> None:
+        """From its next episode on, world i follows the constant `freq`[i] [Hz], (N,)."""
+        self._low, self._width = freq.double(), 0.0
+        self.rate.zero_()
+
+    def draw(self, episode: torch.Tensor) -> torch.Tensor:
+        """Frequency [Hz] of each world's `episode` (N,) int64. Shape (N,)."""
+        return (self._low + self._width * uniform(self._seed, self._worlds, episode)).float()
+
+
+def uniform(seed: int, world: torch.Tensor, episode: torch.Tensor) -> torch.Tensor:
+    """A number in [0, 1) that depends on (seed, world, episode) alone. Shapes (N,) int64 -> (N,) float64.
+
+    The mixing is that of the SplitMix64 generator (Steele, Lea and Flood 2014).
+    """
+    x = _mix(_mix(_mix(torch.full_like(world, seed)) + world) + episode)
+    return (x >> 11).bitwise_and((1 << 53) - 1).double() / float(1 << 53)
+
+
+def _mix(x: torch.Tensor) -> torch.Tensor:
+    x = x + _signed(0x9E3779B97F4A7C15)
+    x = (x ^ _shift(x, 30)) * _signed(0xBF58476D1CE4E5B9)
+    x = (x ^ _shift(x, 27)) * _signed(0x94D049BB133111EB)
+    return x ^ _shift(x, 31)
+
+
+def _shift(x: torch.Tensor, bits: int) -> torch.Tensor:
+    """Logical right shift of int64, which torch shifts arithmetically."""
+    return (x >> bits).bitwise_and((1 << (64 - bits)) - 1)
+
+
+def _signed(value: int) -> int:
+    return value - (1 << 64) if value >= 1 << 63 else value

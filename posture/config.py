@@ -1,0 +1,206 @@
+"""Configuration of learner and analyst, typed and range-checked, and the one way from plain mappings to it.
+
+Bad input becomes a `ConfigError` whose message is one line: what was wrong and what is allowed.
+"""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, TypeVar
+
+import torch
+from pydantic import BaseModel, Field, ValidationError, model_validator
+
+from envs.config import EnvConfig, Freq, NonNegative, Positive, Strict
+from envs.observations import GROUPS
+
+Count = Annotated[int, Field(ge=1)]
+Share = Annotated[float, Field(gt=0, le=1)]
+
+
+class ConfigError(Exception):
+    """The user's input is wrong; the message is one line. Entry points end with exit code 2."""
+
+
+class ObsGroups(Strict):
+    """Which of the environment's observation groups each network sees."""
+
+    actor: Annotated[tuple[str, ...], Field(min_length=1)]
+    critic: Annotated[tuple[str, ...], Field(min_length=1)]
+
+
+class AlgorithmConfig(Strict):
+    """rsl-rl's PPO, its keys unrenamed."""
+
+    class_name: Literal["PPO"]
+    num_learning_epochs: Count
+    num_mini_batches: Count
+    clip_param: Positive
+    gamma: Share
+    lam: Annotated[float, Field(ge=0, le=1)]
+    value_loss_coef: NonNegative
+    entropy_coef: NonNegative
+    learning_rate: Positive
+    max_grad_norm: Positive
+    optimizer: Literal["adam", "adamw", "sgd", "rmsprop"]
+    use_clipped_value_loss: bool
+    schedule: Literal["adaptive", "fixed"]
+    desired_kl: Positive
+    normalize_advantage_per_mini_batch: bool
+
+
+class DistributionConfig(Strict):
+    """rsl-rl's Gaussian action distribution with a standard deviation that does not depend on the state."""
+
+    class_name: Literal["GaussianDistribution"]
+    init_std: Positive
+    std_range: tuple[Positive, Positive]
+    std_type: Literal["log", "scalar"]
+
+
+class CriticConfig(Strict):
+    """rsl-rl's MLPModel."""
+
+    class_name: Literal["MLPModel"]
+    hidden_dims: Annotated[tuple[Count, ...], Field(min_length=1)]
+    activation: Literal["elu", "selu", "relu", "crelu", "lrelu", "tanh", "sigmoid", "softplus", "gelu", "swish", "mish"]
+    obs_normalization: bool
+
+
+class ActorConfig(CriticConfig):
+    """rsl-rl's MLPModel with an action distribution."""
+
+    distribution_cfg: DistributionConfig
+
+
+class AgentConfig(Strict):
+    """What rsl-rl's OnPolicyRunner is given."""
+
+    num_steps_per_env: Count
+    save_interval: Count
+    obs_groups: ObsGroups
+    algorithm: AlgorithmConfig
+    actor: ActorConfig
+    critic: CriticConfig
+
+
+class EvaluationConfig(Strict):
+    """How a policy is evaluated; units and sources in conf/evaluation/."""
+
+    freq: Annotated[tuple[Freq, ...], Field(min_length=1, max_length=10_000)]
+    duration: Positive
+    transient: NonNegative
+    tolerance: Positive
+    still_joint_deg: Positive
+
+    @model_validator(mode="after")
+    def _something_is_left(self) -> "EvaluationConfig":
+        if self.transient >= self.duration:
+            raise ValueError(f"transient: {self.transient:g} s leaves nothing of a trial of {self.duration:g} s")
+        return self
+
+
+class TrainConfig(Strict):
+    """Everything that `posture.train` is told, and what a run folder keeps as config.yaml."""
+
+    seed: Annotated[int, Field(ge=0, lt=2**31)]
+    device: str
+    max_iterations: Count
+    resume: str | None
+    evaluate: bool
+    env: EnvConfig
+    agent: AgentConfig
+    evaluation: EvaluationConfig
+    paper: dict[str, Any]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "TrainConfig":
+        check_device(self.device)
+        known = set(self.env.observations)
+        unknown = sorted(known - set(GROUPS))
+        if unknown:
+            raise ValueError(f"env.observations: unknown {', '.join(unknown)}; allowed are {', '.join(sorted(GROUPS))}")
+        for network, groups in (("actor", self.agent.obs_groups.actor), ("critic", self.agent.obs_groups.critic)):
+            missing = sorted(set(groups) - known)
+            if missing:
+                raise ValueError(
+                    f"agent.obs_groups.{network}: {', '.join(missing)} not among env.observations ({', '.join(sorted(known))})"
+                )
+        samples, parts = self.env.num_envs * self.agent.num_steps_per_env, self.agent.algorithm.num_mini_batches
+        if samples < 2 * parts:
+            raise ValueError(
+                f"env.num_envs x agent.num_steps_per_env = {samples} samples do not fill {parts} mini-batches with two "
+                "samples each: raise one of the former, or lower agent.algorithm.num_mini_batches"
+            )
+        return self
+
+
+class EnvChanges(Strict):
+    """Changes to the environment of a run under evaluation; None: as trained."""
+
+    hip_k: NonNegative | None
+    ankle_k: NonNegative | None
+    load: NonNegative | None
+    amplitude: Positive | None
+
+
+class EvalConfig(Strict):
+    """Everything that `posture.eval` is told."""
+
+    ckpt: str
+    device: str
+    out: str | None
+    env: EnvChanges
+    evaluation: EvaluationConfig
+    paper: dict[str, Any]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "EvalConfig":
+        check_device(self.device)
+        return self
+
+
+Config = TypeVar("Config", bound=BaseModel)
+
+
+def read(kind: type[Config], values: Mapping[str, Any], where: str = "") -> Config:
+    """`values` as a checked `kind`. Raises ConfigError with one line; `where` says which file is meant, if any."""
+    try:
+        return kind.model_validate(values)
+    except ValidationError as error:
+        raise ConfigError((f"{where}: " if where else "") + _one_line(error)) from None
+
+
+def check_device(device: str) -> None:
+    """Raise ValueError unless torch can compute on `device`."""
+    kind, _, index = device.partition(":")
+    if kind not in ("cpu", "cuda") or (index and not index.isdigit()) or device == "cpu:":
+        raise ValueError(f"device: '{device}' is not known; allowed are cpu, cuda, cuda:0, cuda:1, ...")
+    if kind == "cuda":
+        if not torch.cuda.is_available():
+            raise ValueError(f"device: '{device}' asks for CUDA, but torch {torch.__version__} finds no CUDA device; use cpu")
+        if index and int(index) >= torch.cuda.device_count():
+            raise ValueError(f"device: '{device}' does not exist; this machine has {torch.cuda.device_count()} CUDA devices")
+
+
+_UNIONS = {
+    "env.freq": f"a number in (0, {10:g}] Hz, a range [low, high], or a ramp {{start: .., rate: .., duration: ..}}",
+    "weight": "a number, or a schedule {start: .., end: .., steps: ..}",
+}
+
+
+def _one_line(error: ValidationError) -> str:
+    first = error.errors()[0]
+    names = [str(part) for part in first["loc"]]
+    message = first["msg"].removeprefix("Value error, ")
+    given = first["input"]
+    if len(names) > 1 and ".".join(names[:2]) == "env.freq" and first["type"] != "value_error":
+        return f"env.freq = {given}: allowed is {_UNIONS['env.freq']}"
+    # Of a union pydantic names the branch as if it were a key.
+    names = [name for name in names if name not in ("float", "Schedule", "Ramp") and not name.startswith("constrained")]
+    place = ".".join(names)
+    if first["type"] == "extra_forbidden":
+        return f"{place}: no such key"
+    if first["type"] == "missing":
+        return f"{place}: missing"
+    if first["type"] == "value_error":
+        return f"{place}: {message}" if place else message
+    return f"{place} = {given!r}: {message[0].lower()}{message[1:]}"

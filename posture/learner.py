@@ -1,0 +1,138 @@
+"""rsl-rl's OnPolicyRunner with safe files, an exact resume and our progress line."""
+
+import contextlib
+import io
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+import torch
+from rsl_rl.runners import OnPolicyRunner
+from rsl_rl.utils.logger import Logger
+
+from envs.head_tracking import HeadTrackingEnv
+from posture import run_dir
+from posture.config import AgentConfig, ConfigError
+from posture.progress import Progress, Status
+
+_LOGGER_TENSORS = ("cur_reward_sum", "cur_episode_length")
+_LOGGER_BUFFERS = ("rewbuffer", "lenbuffer")
+
+
+class Learner(OnPolicyRunner):
+    """PPO on a `HeadTrackingEnv`. Iterations are counted as done: model_10.pt is the policy after ten."""
+
+    env: HeadTrackingEnv
+
+    def __init__(self, env: HeadTrackingEnv, agent: AgentConfig, folder: Path, device: str) -> None:
+        config = agent.model_dump(mode="json")
+        config["logger"] = "tensorboard"
+        with contextlib.redirect_stdout(io.StringIO()):  # rsl-rl prints its networks
+            super().__init__(env, config, log_dir=str(folder), device=device)
+        stock = self.logger
+        self.logger = ProgressLogger(
+            log_dir=stock.log_dir,
+            cfg=stock.cfg,
+            env_cfg=stock.env_cfg,
+            num_envs=stock.num_envs,
+            is_distributed=self.is_distributed,
+            gpu_world_size=self.gpu_world_size,
+            gpu_global_rank=self.gpu_global_rank,
+            device=device,
+        )
+        self.folder = folder
+
+    def train(self, total_iterations: int) -> None:
+        """Learn until `total_iterations` iterations are done, those before a resume included."""
+        self.learn(total_iterations - self.current_learning_iteration)
+
+    def save(self, path: str, infos: dict[str, Any] | None = None) -> None:
+        """Save model_<iterations done>.pt, and resume.pt with what else an exact resume needs."""
+        done = self.current_learning_iteration + 1
+        content = self.alg.save()
+        content["iter"] = done
+        content["infos"] = infos
+        run_dir.save(content, Path(path).with_name(f"model_{done}.pt"))
+        run_dir.save(self._resume_state(done), self.folder / "resume.pt")
+
+    def load(
+        self, path: str, load_cfg: dict[str, Any] | None = None, strict: bool = True, map_location: str | None = None
+    ) -> Any:
+        """Load policy, value function and optimiser; the next iteration is the one after those done."""
+        content = run_dir.load(Path(path), map_location or self.device)
+        try:
+            self.alg.load(content, load_cfg, strict)
+            self.current_learning_iteration = int(content["iter"])
+        except (KeyError, RuntimeError, TypeError, ValueError) as error:
+            reason = " ".join(str(error).split())[:200]
+            raise ConfigError(f"{path}: does not fit this run's configuration ({reason})") from None
+        return content.get("infos")
+
+    def resume(self) -> None:
+        """Go on from the newest checkpoint of the run's folder exactly as if there had been no break."""
+        state = run_dir.load(self.folder / "resume.pt", self.device)
+        try:
+            self.load(str(self.folder / f"model_{state['iteration']}.pt"))
+            self.env.load_state_dict(state["env"])
+            self._load_logger(state["logger"])
+            torch.set_rng_state(state["rng"].cpu())
+            if torch.device(self.device).type == "cuda":
+                torch.cuda.set_rng_state(state["cuda_rng"].cpu(), self.device)
+        except (KeyError, RuntimeError, TypeError, AttributeError) as error:
+            reason = " ".join(str(error).split())[:200]
+            raise ConfigError(f"{self.folder / 'resume.pt'}: does not fit this run's configuration ({reason})") from None
+
+    def _resume_state(self, done: int) -> dict[str, Any]:
+        state: dict[str, Any] = {
+            "iteration": done,
+            "env": self.env.state_dict(),
+            "rng": torch.get_rng_state(),
+            "logger": {name: getattr(self.logger, name) for name in ("tot_timesteps", "tot_time", *_LOGGER_TENSORS)}
+            | {name: list(getattr(self.logger, name)) for name in _LOGGER_BUFFERS},
+        }
+        if torch.device(self.device).type == "cuda":
+            state["cuda_rng"] = torch.cuda.get_rng_state(self.device)
+        return state
+
+    def _load_logger(self, state: dict[str, Any]) -> None:
+        self.logger.tot_timesteps, self.logger.tot_time = state["tot_timesteps"], state["tot_time"]
+        for name in _LOGGER_TENSORS:
+            getattr(self.logger, name).copy_(state[name])
+        for name in _LOGGER_BUFFERS:
+            setattr(self.logger, name, deque(state[name], maxlen=getattr(self.logger, name).maxlen))
+
+
+class ProgressLogger(Logger):
+    """rsl-rl's TensorBoard logger, with our progress line instead of its page of text an iteration."""
+
+    def __init__(self, **arguments: Any) -> None:
+        super().__init__(**arguments)
+        self._progress = Progress()
+
+    def log(self, it: int, start_it: int, total_it: int, collect_time: float, learn_time: float, **rest: Any) -> None:  # type: ignore[override]
+        """Write the iteration to TensorBoard and show it."""
+        error_mm = float(torch.stack([step["/tracking_error_mm"] for step in self.ep_extras]).mean())
+        cost = float(torch.stack([step["/cost"] for step in self.ep_extras]).mean())
+        with contextlib.redirect_stdout(io.StringIO()):
+            super().log(
+                it=it, start_it=start_it, total_it=total_it, collect_time=collect_time, learn_time=learn_time, **rest
+            )
+        seconds = collect_time + learn_time
+        self._recent = (*getattr(self, "_recent", ()), seconds)[-20:]
+        self._progress.show(
+            Status(
+                iteration=it + 1,
+                total=total_it,
+                steps_per_s=self.num_envs * self.cfg["num_steps_per_env"] / seconds,
+                reward=sum(self.rewbuffer) / len(self.rewbuffer) if self.rewbuffer else None,
+                episode_length=sum(self.lenbuffer) / len(self.lenbuffer) if self.lenbuffer else None,
+                error_mm=error_mm,
+                cost=cost,
+                learning_rate=rest["learning_rate"],
+                seconds_left=sum(self._recent) / len(self._recent) * (total_it - it - 1),
+            )
+        )
+
+    def _store_code_state(self) -> list[str]:
+        # The commit is in provenance.yaml; a diff of whatever checkout surrounds the run is not the run's to copy.
+        return []

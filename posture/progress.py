@@ -1,0 +1,69 @@
+"""Shows how a training goes: one live line on a terminal, a plain line now and then elsewhere."""
+
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+PLAIN_EVERY_S = 10.0
+"""Seconds between two plain lines; a log of a long run stays readable."""
+PATIENCE_S = 4.0
+"""Seconds after which a silent preparation is explained."""
+
+
+@dataclass(frozen=True)
+class Status:
+    """What one training iteration reports."""
+
+    iteration: int
+    total: int
+    steps_per_s: float
+    reward: float | None
+    episode_length: float | None
+    error_mm: float
+    cost: float
+    learning_rate: float
+    seconds_left: float
+
+    def __str__(self) -> str:
+        reward = "-" if self.reward is None else f"{self.reward:.2f}"
+        length = "-" if self.episode_length is None else f"{self.episode_length:.0f}"
+        minutes, seconds = divmod(round(self.seconds_left), 60)
+        return (
+            f"iteration {self.iteration}/{self.total} | {self.steps_per_s:,.0f} steps/s | reward {reward} | "
+            f"episode {length} steps | error {self.error_mm:.1f} mm | cost {self.cost:.3f} | "
+            f"lr {self.learning_rate:.1e} | {minutes}:{seconds:02d} left"
+        )
+
+
+class Progress:
+    """Prints `Status` lines to stdout."""
+
+    def __init__(self) -> None:
+        self._live = sys.stdout.isatty()
+        self._width = 0
+        self._last = float("-inf")
+
+    def show(self, status: Status) -> None:
+        """Show the newest status; the last iteration is always shown."""
+        final = status.iteration >= status.total
+        line = str(status)
+        if self._live:
+            print("\r" + line.ljust(self._width), end="\n" if final else "", flush=True)
+            self._width = len(line)
+        elif final or time.monotonic() - self._last >= PLAIN_EVERY_S:
+            self._last = time.monotonic()
+            print(line, flush=True)
+
+
+@contextmanager
+def preparing() -> Iterator[None]:
+    """While the body of this `with` runs for longer than a moment, say what takes the time."""
+    timer = threading.Timer(PATIENCE_S, print, ["compiling kernels, first run only"], {"flush": True})
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()

@@ -1,0 +1,202 @@
+"""Where a run lives, and how its checkpoints are found, saved and loaded safely.
+
+A run folder explains itself:
+
+    config.yaml       the resolved configuration: evaluation rebuilds the environment from it
+    provenance.yaml   command, versions, git commit, start time
+    model_<n>.pt      policy, value function and optimiser after n iterations (rsl-rl's own format)
+    resume.pt         what else an exact resume needs, as of the newest model
+    events.out.*      TensorBoard
+    evaluation/       what posture.eval wrote
+"""
+
+import datetime
+import importlib.metadata
+import io
+import os
+import platform
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import torch
+import yaml
+
+from posture.config import ConfigError, TrainConfig, read
+
+RUNS = Path("runs")
+PACKAGES = ("posture", "newton", "warp-lang", "mujoco", "mujoco-warp", "rsl-rl-lib", "torch", "hydra-core", "numpy")
+
+
+def folder_for(parent: str, resume: str | None) -> str:
+    """Folder of the run that is about to start: that of the run it resumes, or a new one under `parent`, named by the time.
+
+    The folder is made here, so that two runs started in the same second cannot share one.
+    """
+    if resume is not None:
+        return str(find_run(resume))
+    stamp = datetime.datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
+    for number in range(1, 1000):
+        folder = Path(parent) / (stamp if number == 1 else f"{stamp}_{number}")
+        try:
+            folder.mkdir(parents=True, exist_ok=False)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise ConfigError(f"cannot make the run's folder {folder}: {error.strerror}") from None
+        return str(folder)
+    raise ConfigError(f"a thousand runs were started under {parent} in this second")
+
+
+def is_run(folder: Path) -> bool:
+    """Whether `folder` holds a run."""
+    return (folder / "config.yaml").is_file()
+
+
+def runs_in(folder: Path) -> list[Path]:
+    """The runs of a sweep folder, in the order of their job numbers; a run folder is its own only run."""
+    if is_run(folder):
+        return [folder]
+    jobs = [path for path in folder.iterdir() if path.is_dir() and is_run(path)]
+    return sorted(jobs, key=lambda path: (int(path.name.split("_")[0]) if path.name.split("_")[0].isdigit() else 0, path.name))
+
+
+def find_run(name: str) -> Path:
+    """The run folder that `name` means: a path, or `latest` for the newest under runs/. Raises ConfigError."""
+    if name == "latest":
+        runs = [run for top in RUNS.glob("*") if top.is_dir() for run in runs_in(top) if newest_model(run)]
+        if not runs:
+            raise ConfigError(f"latest: no run with a checkpoint under {RUNS}/; train one with python -m posture.train")
+        return max(runs, key=lambda run: newest_model(run).stat().st_mtime)  # type: ignore[union-attr]
+    folder = Path(name)
+    if not is_run(folder):
+        raise ConfigError(f"{name}: not a run folder (it has no config.yaml); give one, or latest")
+    return folder
+
+
+def find_checkpoints(name: str) -> list[Path]:
+    """Checkpoint files that `ckpt=name` means: a file, the newest of a run folder, of each run of a sweep, or of the latest
+    run. Raises ConfigError."""
+    path = Path(name)
+    if name == "latest":
+        runs = [find_run(name)]
+    elif path.is_file():
+        if not is_run(path.parent):
+            raise ConfigError(f"{name}: there is no config.yaml beside it, so its environment is not known")
+        return [path]
+    elif path.is_dir():
+        runs = runs_in(path)
+        if not runs:
+            raise ConfigError(f"{name}: neither a run folder (with config.yaml) nor a sweep of such folders")
+    else:
+        raise ConfigError(f"{name}: no such file or folder; allowed are a checkpoint, a run folder, a sweep folder, or latest")
+    found = [newest_model(run) for run in runs]
+    if not any(found):
+        raise ConfigError(f"{name}: no checkpoint (model_<n>.pt) in it yet")
+    return [model for model in found if model is not None]
+
+
+def newest_model(run: Path) -> Path | None:
+    """The checkpoint of `run` with the most iterations, or None."""
+    models = [path for path in run.glob("model_*.pt") if re.fullmatch(r"model_\d+\.pt", path.name)]
+    return max(models, key=iteration_of, default=None)
+
+
+def iteration_of(model: Path) -> int:
+    """Number of iterations after which a checkpoint was saved, from its name."""
+    return int(model.stem.removeprefix("model_"))
+
+
+def read_config(run: Path) -> TrainConfig:
+    """The run's own configuration, checked anew. Raises ConfigError."""
+    path = run / "config.yaml"
+    try:
+        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ConfigError(f"{path}: cannot be read ({' '.join(str(error).split())})") from None
+    if not isinstance(values, dict):
+        raise ConfigError(f"{path}: not a configuration")
+    return read(TrainConfig, values, str(path))
+
+
+def write_config(run: Path, config: TrainConfig) -> None:
+    """Keep the resolved configuration, and the versions, commit and command that go with it."""
+    _write_yaml(run / "config.yaml", config.model_dump(mode="json"))
+    _write_yaml(
+        run / "provenance.yaml",
+        {
+            "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
+            "started": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+            "git_commit": _git_commit(),
+            "python": platform.python_version(),
+            "platform": platform.platform(),
+            "versions": {name: importlib.metadata.version(name) for name in PACKAGES},
+        },
+    )
+
+
+def output_folder(name: str | None) -> Path | None:
+    """The folder `name`, made if need be; None for None. Raises ConfigError where it cannot be written."""
+    if name is None:
+        return None
+    folder = Path(name)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"out: cannot make the folder {folder}: {error.strerror}") from None
+    return folder
+
+
+def save(content: dict[str, Any], path: Path) -> None:
+    """Write a checkpoint so that at any moment the old file or the new one is there, whole."""
+    buffer = io.BytesIO()
+    torch.save(content, buffer)
+    write_atomic(path, buffer.getvalue())
+
+
+def load(path: Path, device: str) -> dict[str, Any]:
+    """Read a checkpoint; nothing in it can execute code. Raises ConfigError if it is missing or damaged."""
+    try:
+        content = torch.load(path, weights_only=True, map_location=device)
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such checkpoint") from None
+    except Exception as error:  # torch raises whatever the damaged bytes happen to provoke
+        raise ConfigError(f"{path}: not a readable checkpoint ({type(error).__name__})") from None
+    if not isinstance(content, dict):
+        raise ConfigError(f"{path}: not a checkpoint of this project")
+    return content
+
+
+def write_atomic(path: Path, content: bytes) -> None:
+    """Write `content` to a temporary file beside `path`, then move it there in one step."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with open(temporary, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _write_yaml(path: Path, values: dict[str, Any]) -> None:
+    write_atomic(path, yaml.safe_dump(values, sort_keys=False, allow_unicode=True).encode())
+
+
+def _git_commit() -> str | None:
+    """Commit of the checkout this code runs from, with -dirty if it has changes; None outside a checkout."""
+    try:
+        told = subprocess.run(
+            ["git", "describe", "--always", "--dirty", "--abbrev=40"],
+            cwd=Path(__file__).parent,
+            capture_output=True,
+            text=True,
+            timeout=10,
+            check=True,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return told.stdout.strip()

@@ -1,0 +1,66 @@
+"""Train one policy to follow the target with the head, then evaluate it.
+
+    python -m posture.train env.freq=1.2
+    python -m posture.train -m env.hip_k=25,50,...,200
+    python -m posture.train resume=latest max_iterations=500
+"""
+
+from pathlib import Path
+
+import torch
+
+from envs.head_tracking import HeadTrackingEnv
+from posture import cli, run_dir
+from posture.config import ConfigError, TrainConfig
+from posture.evaluation import evaluate_run
+from posture.learner import Learner
+from posture.progress import preparing
+
+RESUME_KEYS = {"resume", "max_iterations", "device", "evaluate"}
+"""What may be changed when a run goes on; all else is the run's own."""
+
+
+def train(config: TrainConfig, folder: Path) -> None:
+    """Run one training job in `folder`."""
+    if config.resume is not None:
+        config = _resumed(config, folder)
+    torch.manual_seed(config.seed)
+    run_dir.write_config(folder, config)
+    with preparing():
+        env = HeadTrackingEnv(config.env, config.seed, config.device)
+        learner = Learner(env, config.agent, folder, config.device)
+        if config.resume is not None:
+            learner.resume()
+        else:
+            # Kernels compile in the first step, which must not count as training.
+            env.warm_up()
+    learner.train(config.max_iterations)
+    if config.evaluate:
+        evaluate_run(folder, config)
+    print(f"run: {folder}")
+
+
+def _resumed(config: TrainConfig, folder: Path) -> TrainConfig:
+    """The run's own configuration with what the command line may change."""
+    changed = cli.overridden_keys()
+    if changed - RESUME_KEYS:
+        raise ConfigError(
+            f"resume: {', '.join(sorted(changed - RESUME_KEYS))} cannot be changed on the way; "
+            f"allowed beside resume are {', '.join(sorted(RESUME_KEYS - {'resume'}))}"
+        )
+    own = run_dir.read_config(folder)
+    news = {key: getattr(config, key) for key in changed}
+    merged = own.model_copy(update=news)
+    done = run_dir.newest_model(folder)
+    if done is None:
+        raise ConfigError(f"{folder}: no checkpoint to go on from")
+    if merged.max_iterations <= run_dir.iteration_of(done):
+        raise ConfigError(
+            f"max_iterations = {merged.max_iterations}: {folder} has already done {run_dir.iteration_of(done)}; "
+            "it is a total, so give a larger one"
+        )
+    return merged
+
+
+if __name__ == "__main__":
+    cli.run("train", TrainConfig, train)
