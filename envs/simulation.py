@@ -10,6 +10,7 @@ import mujoco_warp
 import newton
 import torch
 import warp as wp
+from mujoco_warp import OverflowType
 from newton.solvers import SolverMuJoCo
 
 from envs.body import BODIES, FEET, JOINTS, build_model, geometry
@@ -17,10 +18,28 @@ from envs.config import EnvConfig
 
 _ROOT_Q, _ROOT_QD = 7, 6
 """Coordinates and velocities of the free root joint ahead of the hinges."""
+_DROPPED = int(OverflowType.NEFC | OverflowType.NJMAX_NNZ | OverflowType.BROADPHASE | OverflowType.NARROWPHASE)
+"""Of MuJoCo Warp's flags those that mean a lost contact or constraint; the others report an iteration limit."""
 
 
-class ConstraintOverflow(RuntimeError):
+class ConstraintOverflowError(RuntimeError):
     """The solver dropped contacts or constraints: what it computed is not the physics that was asked for."""
+
+
+@wp.kernel
+def _note_dropped(overflow: wp.array(dtype=wp.int32), mask: int, dropped: wp.array(dtype=wp.int32)):
+    """Remember what a substep had to drop; the solver itself forgets it at the next."""
+    world = wp.tid()
+    dropped[world] = dropped[world] | (overflow[world] & mask)
+
+
+@wp.kernel
+def _add_torques(
+    passive: wp.array2d(dtype=float), actuator: wp.array2d(dtype=float), first: int, total: wp.array2d(dtype=float)
+):
+    """Torque of actuator, spring and damper about each joint axis."""
+    world, joint = wp.tid()
+    total[world, joint] = passive[world, first + joint] + actuator[world, first + joint]
 
 
 @wp.kernel
@@ -164,11 +183,10 @@ class NewtonSimulation:
     # -- what can be read --------------------------------------------------------------------------------------------
 
     def check_capacity(self) -> None:
-        """Raise `ConstraintOverflow` if contacts or constraint rows were dropped in the last substep."""
-        if bool(self._overflow.any()):
-            worlds = torch.nonzero(self._overflow).flatten().tolist()
-            raise ConstraintOverflow(
-                f"{len(worlds)} worlds needed more than {self.config.solver.constraint_rows} constraint rows or "
+        """Raise `ConstraintOverflowError` if contacts or constraint rows were dropped in any step so far."""
+        if bool(self._dropped.any()):
+            raise ConstraintOverflowError(
+                f"{int((self._dropped != 0).sum())} worlds needed more than {self.config.solver.constraint_rows} constraint rows or "
                 f"{self.config.solver.contacts} contacts: raise env.solver.constraint_rows or env.solver.contacts"
             )
 
@@ -191,6 +209,13 @@ class NewtonSimulation:
         dt = self.config.control_dt / self.config.solver.substeps
         for _ in range(self.config.solver.substeps):
             self._solver.step(self._state, self._state, self._control, None, dt)
+            wp.launch(
+                _note_dropped,
+                dim=self.num_worlds,
+                inputs=[self._data.overflow, _DROPPED],
+                outputs=[self._dropped_wp],
+                device=self.model.device,
+            )
         self._read_sensors()
 
     def _read_sensors(self) -> None:
@@ -215,7 +240,13 @@ class NewtonSimulation:
             outputs=[self._sole_force_wp, self._sole_position_wp],
             device=self.model.device,
         )
-        torch.add(self._passive_torque, self._actuator_torque, out=self.joint_force)
+        wp.launch(
+            _add_torques,
+            dim=(self.num_worlds, len(JOINTS)),
+            inputs=[self._data.qfrc_passive, self._joint_f, _ROOT_QD],
+            outputs=[self._joint_force_wp],
+            device=self.model.device,
+        )
 
     def _per_world(self, array: wp.array) -> torch.Tensor:
         tensor = wp.to_torch(array)
@@ -228,11 +259,13 @@ class NewtonSimulation:
         self.joint_angle, self.joint_velocity = q[:, _ROOT_Q:], qd[:, _ROOT_QD:]
         self.body_pose = self._per_world(self._state.body_q)
         self.body_velocity = self._per_world(self._state.body_qd)
-        self._actuator_torque = self._per_world(self._control.joint_f)[:, _ROOT_QD:]
-        self._passive_torque = wp.to_torch(self._data.qfrc_passive)[:, _ROOT_QD : _ROOT_QD + len(JOINTS)]
+        self._joint_f = self._control.joint_f.reshape((self.num_worlds, _ROOT_QD + len(JOINTS)))
+        self._actuator_torque = wp.to_torch(self._joint_f)[:, _ROOT_QD:]
         self._warmstart = wp.to_torch(self._data.qacc_warmstart)
-        self._overflow = wp.to_torch(self._data.overflow)
-        self.joint_force = torch.zeros(self.num_worlds, len(JOINTS), device=self.device)
+        self._dropped_wp = wp.zeros(self.num_worlds, dtype=wp.int32, device=self.model.device)
+        self._dropped = wp.to_torch(self._dropped_wp)
+        self._joint_force_wp = wp.zeros((self.num_worlds, len(JOINTS)), dtype=float, device=self.model.device)
+        self.joint_force = wp.to_torch(self._joint_force_wp)
         # Newton's mask has one place more than there are worlds, for what belongs to none.
         self._reset_mask = torch.zeros(self.num_worlds + 1, dtype=torch.bool, device=self.device)
         self._reset_mask_wp = wp.from_torch(self._reset_mask, dtype=wp.bool)

@@ -22,7 +22,7 @@ def rollout(env: HeadTrackingEnv, policy: Policy, freq: torch.Tensor | None, dur
     """Let `policy` act in every world of `env` from standing, for `duration` [s]; world i follows `freq`[i] [Hz] (N,).
 
     `freq` None leaves the targets to the environment's own configuration. Whatever ends an episode in `env` is taken for a
-    fall: from then on the record of that world is nan. Raises `ConstraintOverflow` where physics was cut short.
+    fall: from then on the record of that world is nan. Raises `ConstraintOverflowError` where physics was cut short.
     """
     steps = round(duration / env.config.control_dt)
     if freq is not None:

@@ -1,4 +1,4 @@
-"""Indices of sinusoids whose phase, amplitude, energy and cost are known by hand; what a fall does to them."""
+"""Indices of sinusoids whose phase, amplitude, energy and cost are known by hand; the marks of a fall."""
 
 import csv
 import math
@@ -43,7 +43,7 @@ def wave(freq: float, phase: float = 0.0, time: np.ndarray = TIME) -> np.ndarray
 
 
 def trial(freq: float | list[float], phase: float | list[float] = 0.0, **changes: Any) -> Trajectory:
-    """A world a frequency [Hz]: hip 6 and ankle 3 deg peak-to-peak, the hip `phase` [rad] ahead; exact head."""
+    """A world a frequency [Hz]: hip 6 and ankle 3 deg peak-to-peak, the hip `phase` [rad] ahead."""
     f = np.atleast_1d(np.asarray(freq, dtype=float))
     shape = (STEPS, len(f))
     hip = math.radians(3) * wave(f, np.asarray(phase), TIME[:, None]) - 0.1
@@ -361,7 +361,7 @@ def test_ranges_are_those_of_the_mean_of_left_and_right() -> None:
 
 def test_balance_of_a_trial() -> None:
     # After 10 s the pressure lies at 1 cm for half of the time and at 5 cm for the rest. Half of the time, in
-    # the middle, a foot is not flat; for half of that neither carries load. The feet slid 3 cm in the transient.
+    # the middle, a foot is not flat; for half of that neither carries load. The feet slid 3 cm at first.
     cop = np.where(TIME < 55, 0.01, 0.05)
     cop[TIME < 10] = -9.0
     lifted = (TIME >= 32.5) & (TIME < 77.5)

@@ -1,5 +1,6 @@
 """The figures: all drawn, none blank, falls written out, published values drawn where there are any."""
 
+import re
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -39,8 +40,10 @@ def sweep(freq: list[float], fall_step: list[int] | None = None, **changes: Any)
     shape = angle.shape
     fields: dict[str, Any] = {
         "time": time, "freq": f, "hip_k": np.full(len(f), 125.0), "ankle_k": np.full(len(f), 25.0),
-        "load": np.zeros(len(f)), "target_x": 0.1 - 0.1 * np.cos(angle), "head_x": 0.1 - 0.08 * np.cos(angle - 0.1),
-        "head_vx": np.sin(angle), "joint_angle": joints, "joint_velocity": joints, "joint_torque": 100 * joints,
+        "load": np.zeros(len(f)), "target_x": 0.1 - 0.1 * np.cos(angle),
+        "head_x": 0.1 - 0.08 * np.cos(angle - 0.1),
+        "head_vx": np.sin(angle), "joint_angle": joints, "joint_velocity": joints,
+        "joint_torque": 100 * joints,
         "cop_x": 0.03 + 0.04 * np.cos(angle), "torso_height": np.full(shape, 1.29),
         "foot_displacement": np.zeros(shape), "foot_flat": np.ones(shape, dtype=bool),
         "fall_step": np.array(fall_step or [-1] * len(f)), "torque_limit": 100.0, "control_dt": DT,
@@ -85,10 +88,16 @@ def test_all_are_drawn_and_none_is_blank(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", sorted(NAMES))
 def test_the_data_is_drawn(name: str, tmp_path: Path) -> None:
     """Other data, another picture: axes and labels alone would be the same."""
-    calm, large = sweep([0.3, 0.6]), sweep([0.3, 0.6])
-    head = 0.1 + 0.7 * (large.head_x - 0.1) + 0.02 * np.sin(9 * large.time)[:, None]
-    large = sweep([0.3, 0.6], head_x=head, head_vx=2 * calm.head_vx, cop_x=calm.cop_x**2 * 10,
-                  joint_angle=calm.joint_angle * [2, 2, -1, -1], joint_torque=3 * calm.joint_torque)  # fmt: skip
+    calm = sweep([0.3, 0.6])
+    head = 0.1 + 0.7 * (calm.head_x - 0.1) + 0.02 * np.sin(9 * calm.time)[:, None]
+    large = sweep(
+        [0.3, 0.6],
+        head_x=head,
+        head_vx=2 * calm.head_vx,
+        cop_x=calm.cop_x**2 * 10,
+        joint_angle=calm.joint_angle * [2, 2, -1, -1],
+        joint_torque=3 * calm.joint_torque,
+    )
     drawing(name, calm, None, tmp_path / "calm.png")
     drawing(name, large, None, tmp_path / "large.png")
     assert (tmp_path / "calm.png").read_bytes() != (tmp_path / "large.png").read_bytes()
@@ -102,7 +111,7 @@ def test_a_fall_is_written_out(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(NAMES))
-@pytest.mark.parametrize("fall_step", [0, 3, 999])
+@pytest.mark.parametrize("fall_step", [0, 999])
 def test_a_sweep_in_which_all_fall(name: str, fall_step: int, tmp_path: Path) -> None:
     time = f"fell at {fall_step * DT:.1f} s"
     assert text_of(name, sweep([0.3, 0.6], [fall_step] * 2), PAPER, tmp_path).count(time) >= 2
@@ -115,7 +124,7 @@ def test_a_world_that_blew_up_is_marked(tmp_path: Path) -> None:
         assert "not finite" in text_of(name, sweep([0.3, 0.6], joint_angle=angle), None, tmp_path)
 
 
-@pytest.mark.parametrize("name", sorted(NAMES))
+@pytest.mark.parametrize("name", ["coordination", "tracking"])
 @pytest.mark.parametrize(
     "paper", [None, {}, {"table_3": {}}, {"table_3": {"freq_hz": [0.3]}}, {"table_1": {"a": 1}}]
 )
@@ -185,5 +194,6 @@ def test_panels_keep_the_limits_of_those_who_stood(tmp_path: Path) -> None:
     head = sweep([0.3, 0.6]).head_x.copy()
     head[600:, 1] = 50
     thrown = text_of("head_target", sweep([0.3, 0.6], [-1, 615], head_x=head), None, tmp_path)
-    assert ">0.2<" in thrown.replace("0.20", "0.2")
-    assert ">50<" not in thrown
+    labels = re.findall(r">(\d+(?:\.\d+)?)<", thrown)
+    assert "0.20" in labels
+    assert not {"20", "40", "50"} & set(labels)

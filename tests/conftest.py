@@ -1,0 +1,28 @@
+"""Shared fixtures: configurations composed from conf/, and one small simulation that several tests look at."""
+
+from collections.abc import Callable
+
+import hydra
+import pytest
+import torch
+
+from envs.config import EnvConfig
+from posture.cli import CONF, plain
+from posture.config import TrainConfig, read
+
+
+def compose(*overrides: str) -> TrainConfig:
+    """The checked training configuration that these overrides give."""
+    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+        return read(TrainConfig, plain(hydra.compose("train", list(overrides))))
+
+
+@pytest.fixture(scope="session")
+def env_config() -> Callable[..., EnvConfig]:
+    """A function from Hydra overrides to the environment's configuration; four worlds unless told."""
+    return lambda *overrides: compose("env.num_envs=4", "agent.algorithm.num_mini_batches=1", *overrides).env
+
+
+@pytest.fixture(autouse=True)
+def _seeded() -> None:
+    torch.manual_seed(0)
