@@ -104,7 +104,7 @@ class HeadTrackingEnv(VecEnv):
     def get_observations(self) -> TensorDict:
         """The groups named in `env.observations`, each (N, size)."""
         groups = {name: observations.GROUPS[name](self).clone() for name in self.config.observations}
-        return TensorDict(groups, batch_size=[self.num_envs], device=self.sim.device)  # type: ignore[arg-type]
+        return TensorDict(groups, batch_size=[self.num_envs], device=self.sim.device)
 
     def follow(self, freq: torch.Tensor) -> None:
         """From its next episode on, world i follows a target of the constant frequency `freq`[i] [Hz], (N,)."""

@@ -116,4 +116,3 @@ GROUPS: dict[str, Callable[["HeadTrackingEnv"], torch.Tensor]] = {
         target_error,
     )
 }
-

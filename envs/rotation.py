@@ -6,13 +6,12 @@ import torch
 def rotate(quaternion: torch.Tensor, vector: torch.Tensor) -> torch.Tensor:
     """`vector` (..., 3) turned by `quaternion` (..., 4). Shape (..., 3)."""
     axis, w = quaternion[..., :3], quaternion[..., 3:]
-    axis, vector = torch.broadcast_tensors(axis, vector)
-    twice = 2.0 * torch.linalg.cross(axis, vector)
-    return vector + w * twice + torch.linalg.cross(axis, twice)
+    twice = 2.0 * torch.linalg.cross(axis, vector, dim=-1)
+    return vector + w * twice + torch.linalg.cross(axis, twice, dim=-1)
 
 
 def pitch(quaternion: torch.Tensor) -> torch.Tensor:
-    """Forward lean [rad]: angle of the turned z axis from the vertical in the x-z plane, forward positive. (..., 4) -> (...)."""
+    """Forward lean [rad]: angle of the turned z axis from the vertical in the x-z plane. (..., 4) -> (...)."""
     x, y, z, w = quaternion.unbind(-1)
     return torch.atan2(2 * (x * z + w * y), 1 - 2 * (x * x + y * y))
 

@@ -27,16 +27,14 @@ class ConstraintOverflowError(RuntimeError):
 
 
 @wp.kernel
-def _note_dropped(overflow: wp.array(dtype=wp.int32), mask: int, dropped: wp.array(dtype=wp.int32)):
+def _note_dropped(overflow: wp.array[wp.int32], mask: int, dropped: wp.array[wp.int32]) -> None:
     """Remember what a substep had to drop; the solver itself forgets it at the next."""
     world = wp.tid()
     dropped[world] = dropped[world] | (overflow[world] & mask)
 
 
 @wp.kernel
-def _add_torques(
-    passive: wp.array2d(dtype=float), actuator: wp.array2d(dtype=float), first: int, total: wp.array2d(dtype=float)
-):
+def _add_torques(passive: wp.array2d[float], actuator: wp.array2d[float], first: int, total: wp.array2d[float]) -> None:
     """Torque of actuator, spring and damper about each joint axis."""
     world, joint = wp.tid()
     total[world, joint] = passive[world, first + joint] + actuator[world, first + joint]
@@ -44,19 +42,19 @@ def _add_torques(
 
 @wp.kernel
 def _sort_sole_forces(
-    num_contacts: wp.array(dtype=wp.int32),
-    contact_world: wp.array(dtype=wp.int32),
-    contact_geom: wp.array(dtype=wp.vec2i),
-    contact_position: wp.array(dtype=wp.vec3),
-    wrench: wp.array(dtype=wp.spatial_vector),
-    geom_foot: wp.array(dtype=wp.int32),
-    foot_body: wp.array(dtype=wp.int32),
+    num_contacts: wp.array[wp.int32],
+    contact_world: wp.array[wp.int32],
+    contact_geom: wp.array[wp.vec2i],
+    contact_position: wp.array[wp.vec3],
+    wrench: wp.array[wp.spatial_vector],
+    geom_foot: wp.array[wp.int32],
+    foot_body: wp.array[wp.int32],
     bodies_per_world: int,
-    body_q: wp.array(dtype=wp.transform),
+    body_q: wp.array[wp.transform],
     mid_x: float,
-    force: wp.array(dtype=wp.vec3, ndim=3),
-    position: wp.array(dtype=wp.vec3, ndim=3),
-):
+    force: wp.array3d[wp.vec3],
+    position: wp.array3d[wp.vec3],
+) -> None:
     """Ground-on-sole force of each contact into its place (world, foot, heel or toe); a place holds one contact at most."""
     i = wp.tid()
     if i >= num_contacts[0]:
@@ -186,8 +184,9 @@ class NewtonSimulation:
         """Raise `ConstraintOverflowError` if contacts or constraint rows were dropped in any step so far."""
         if bool(self._dropped.any()):
             raise ConstraintOverflowError(
-                f"{int((self._dropped != 0).sum())} worlds needed more than {self.config.solver.constraint_rows} constraint rows or "
-                f"{self.config.solver.contacts} contacts: raise env.solver.constraint_rows or env.solver.contacts"
+                f"{int((self._dropped != 0).sum())} worlds needed more than {self.config.solver.constraint_rows} "
+                f"constraint rows or {self.config.solver.contacts} contacts: raise env.solver.constraint_rows or "
+                "env.solver.contacts"
             )
 
     def state_dict(self) -> dict[str, torch.Tensor]:

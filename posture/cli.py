@@ -62,7 +62,12 @@ def overridden_keys() -> set[str]:
 
 def one_line(error: Exception) -> str:
     """An error's message without line breaks and without what Hydra and OmegaConf add for their own developers."""
-    text = re.sub(r"\n\s*(full_key|object_type|reference_type|Config search path|To append to your config).*", "", str(error), flags=re.S)
+    text = re.sub(
+        r"\n\s*(full_key|object_type|reference_type|Config search path|To append to your config).*",
+        "",
+        str(error),
+        flags=re.S,
+    )
     text = re.sub(r"'(\w+)' is not in struct", r"'\1' is not a key there", text)
     return re.sub(r"\s*\n\s*", " ", text).strip()
 

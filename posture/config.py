@@ -122,7 +122,8 @@ class TrainConfig(Strict):
             missing = sorted(set(groups) - known)
             if missing:
                 raise ValueError(
-                    f"agent.obs_groups.{network}: {', '.join(missing)} not among env.observations ({', '.join(sorted(known))})"
+                    f"agent.obs_groups.{network}: {', '.join(missing)} not among env.observations "
+                    f"({', '.join(sorted(known))})"
                 )
         samples, parts = self.env.num_envs * self.agent.num_steps_per_env, self.agent.algorithm.num_mini_batches
         if samples < 2 * parts:
@@ -176,7 +177,9 @@ def check_device(device: str) -> None:
         raise ValueError(f"device: '{device}' is not known; allowed are cpu, cuda, cuda:0, cuda:1, ...")
     if kind == "cuda":
         if not torch.cuda.is_available():
-            raise ValueError(f"device: '{device}' asks for CUDA, but torch {torch.__version__} finds no CUDA device; use cpu")
+            raise ValueError(
+                f"device: '{device}' asks for CUDA, but torch {torch.__version__} finds no CUDA device; use cpu"
+            )
         if index and int(index) >= torch.cuda.device_count():
             raise ValueError(f"device: '{device}' does not exist; this machine has {torch.cuda.device_count()} CUDA devices")
 

@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from posture.trajectory import ANKLE, HIP, Array, Trajectory, replacing
+from posture.atomic import replacing
+from posture.trajectory import ANKLE, HIP, Array, Trajectory
 
 Row = dict[str, Any]
 
@@ -115,9 +116,7 @@ def cycle_components(signal: Array, time: Array, freq: float, parts: list[slice]
     return np.array([complex(cos, -sin) for _, cos, sin in fits], dtype=np.complex128)
 
 
-def cycle_phases(
-    hip: Array, ankle: Array, time: Array, freq: float, parts: list[slice], still: float
-) -> Array:
+def cycle_phases(hip: Array, ankle: Array, time: Array, freq: float, parts: list[slice], still: float) -> Array:
     """Phase difference hip - ankle of each cycle [deg] in -180 .. 180, positive where the hip leads.
 
     Shape (cycles,). nan in a cycle where the component at f of either joint has a peak-to-peak below `still`
@@ -194,9 +193,7 @@ def transition_frequency(freq: ArrayLike, correlation: ArrayLike) -> float | Non
     return None
 
 
-def indices(
-    trajectory: Trajectory, *, transient_s: float, tolerance_m: float, still_joint_deg: float
-) -> list[Row]:
+def indices(trajectory: Trajectory, *, transient_s: float, tolerance_m: float, still_joint_deg: float) -> list[Row]:
     """One flat row a world: conditions, `valid`, `fell`, `fall_time_s`, `mode`, and the columns of `Indices`.
 
     `transient_s` [s] is left out at the start (see the module's head for which indices). `tolerance_m` [m] is
@@ -236,9 +233,7 @@ def _finite(trajectory: Trajectory, w: int) -> bool:
     return all(bool(np.isfinite(getattr(trajectory, name)[:, w]).all()) for name in names)
 
 
-def _measure(
-    trajectory: Trajectory, w: int, transient_s: float, tolerance_m: float, still_joint_deg: float
-) -> Indices:
+def _measure(trajectory: Trajectory, w: int, transient_s: float, tolerance_m: float, still_joint_deg: float) -> Indices:
     """All indices of world `w`, which must be valid."""
     time, freq = trajectory.time, float(trajectory.freq[w])
     after = time >= transient_s

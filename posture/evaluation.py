@@ -9,6 +9,7 @@ from rsl_rl.models import MLPModel
 from envs.config import EnvConfig
 from envs.head_tracking import HeadTrackingEnv
 from posture import run_dir
+from posture.atomic import replacing
 from posture.config import ConfigError, EnvChanges, EvaluationConfig, TrainConfig
 from posture.coordination import Row, indices, write_csv
 from posture.figures import draw_all
@@ -20,20 +21,19 @@ AS_TRAINED = EnvChanges(hip_k=None, ankle_k=None, load=None, amplitude=None)
 
 
 def evaluate_run(run: Path, config: TrainConfig) -> list[Row]:
-    """Evaluate the newest checkpoint of `run` as its own configuration says; show the table and what was written."""
+    """Evaluate the newest checkpoint of `run` as its own configuration says; print the table."""
     model = run_dir.newest_model(run)
     if model is None:
         raise ConfigError(f"{run}: no checkpoint to evaluate")
-    rows = evaluate(model, config, config.evaluation, AS_TRAINED, config.device, run / "evaluation")
-    report(rows, config.paper, [run / "evaluation"])
-    return rows
+    return evaluate(model, config, config.evaluation, AS_TRAINED, config.device, run / "evaluation")
 
 
 def evaluate(
     model: Path, run: TrainConfig, evaluation: EvaluationConfig, changes: EnvChanges, device: str, out: Path
 ) -> list[Row]:
     """Roll out the policy of checkpoint `model` at every frequency of `evaluation`, in one batch, and write to `out`:
-    trajectories.npz, metrics.csv, table.md and the figures. Returns the rows of metrics.csv."""
+    trajectories.npz, metrics.csv, table.md and the figures. Prints the table and what was written. Returns the rows of
+    metrics.csv."""
     content = run_dir.load(model, device)
     with preparing():
         env = HeadTrackingEnv(trial_config(run.env, evaluation, changes), run.seed, device)
@@ -51,17 +51,23 @@ def evaluate(
     out.mkdir(parents=True, exist_ok=True)
     trajectory.save(out / "trajectories.npz")
     write_csv(rows, out / "metrics.csv")
-    run_dir.write_atomic(out / "table.md", (markdown_table(rows, run.paper) + "\n").encode())
-    draw_all(trajectory, rows, run.paper, out, (shape.heel_x, shape.toe_x))
+    paper = published(run.paper, env.config)
+    with replacing(out / "table.md") as temporary:
+        temporary.write_text(markdown_table(rows, paper) + "\n", encoding="utf-8")
+    draw_all(trajectory, rows, paper, out, (shape.heel_x, shape.toe_x))
+    print(evaluation_table(rows, paper))
+    for path in sorted(out.iterdir()):
+        print(path)
     return rows
 
 
-def report(rows: list[Row], paper: dict[str, Any], folders: list[Path]) -> None:
-    """Print the evaluation table and where things were written."""
-    print(evaluation_table(rows, paper))
-    for folder in folders:
-        for path in sorted(folder.iterdir()):
-            print(path)
+def published(paper: dict[str, Any], env: EnvConfig) -> dict[str, Any]:
+    """The published numbers that were measured under the conditions of `env`: ours stand beside nothing else."""
+    return {
+        name: table
+        for name, table in paper.items()
+        if all(getattr(env, key) == value for key, value in table.get("condition", {}).items())
+    }
 
 
 def trial_config(env: EnvConfig, evaluation: EvaluationConfig, changes: EnvChanges) -> EnvConfig:

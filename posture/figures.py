@@ -128,14 +128,10 @@ def fig_coordination(trajectory: Trajectory, rows: Sequence[Row], paper: Paper, 
                 upper.plot(f, np.nan_to_num(r), "o", color=colour, mfc=fill, label=f"ours, {name}")
         upper.axhline(0, color="black", lw=0.8)
         upper.set(ylim=(-1.08, 1.08), ylabel="hip-ankle correlation r")
-        _line(
-            lower, rows, "relative_phase_deg", marker="s", color="black", label="by maxima (paper's, doubled)"
-        )
+        _line(lower, rows, "relative_phase_deg", marker="s", color="black", label="by maxima (paper's, doubled)")
         f, mean = _columns(rows, "phase_mean_deg")
         _, sd = _columns(rows, "phase_sd_deg")
-        lower.errorbar(
-            f, np.abs(mean), sd, fmt="^", color=ORANGE, capsize=3, label="|circular mean| ± sd over cycles"
-        )
+        lower.errorbar(f, np.abs(mean), sd, fmt="^", color=ORANGE, capsize=3, label="|circular mean| ± sd over cycles")
         lower.set(
             ylim=(-8, 195),
             yticks=range(0, 181, 45),
@@ -151,18 +147,12 @@ def fig_coordination(trajectory: Trajectory, rows: Sequence[Row], paper: Paper, 
         fig.legend(unique.values(), unique.keys(), loc="outside upper center", ncols=3)
 
 
-def fig_cop(
-    trajectory: Trajectory, rows: Sequence[Row], paper: Paper, path: Path, foot_span: tuple[float, float]
-) -> None:
+def fig_cop(trajectory: Trajectory, rows: Sequence[Row], paper: Paper, path: Path, foot_span: tuple[float, float]) -> None:
     """Centre of pressure [mm] in the foot frame against frequency [Hz], as boxes.
 
     Lines at the (heel, toe) end of ground contact, `foot_span` [m], which no centre of pressure can pass.
     """
-    drawn = [
-        row
-        for row in rows
-        if row["valid"] and math.isfinite(row["freq_hz"]) and math.isfinite(row["cop_p50_m"])
-    ]
+    drawn = [row for row in rows if row["valid"] and math.isfinite(row["freq_hz"]) and math.isfinite(row["cop_p50_m"])]
     keys = {
         "whislo": "cop_p05_m",
         "q1": "cop_p25_m",
@@ -375,6 +365,4 @@ def _shade_published_modes(ax: Axes, paper: Paper) -> None:
             ax.axvspan(min(found), max(found), color=colour, alpha=0.1, lw=0, label=f"paper, {name}-phase")
     if span["in"] and span["anti"]:
         bracket = max(span["in"]), min(span["anti"])
-        ax.axvspan(
-            *bracket, facecolor="none", edgecolor="#BBBBBB", hatch="///", lw=0, label="paper, switch between"
-        )
+        ax.axvspan(*bracket, facecolor="none", edgecolor="#BBBBBB", hatch="///", lw=0, label="paper, switch between")

@@ -23,6 +23,7 @@ class Learner(OnPolicyRunner):
     """PPO on a `HeadTrackingEnv`. Iterations are counted as done: model_10.pt is the policy after ten."""
 
     env: HeadTrackingEnv
+    logger: Logger
 
     def __init__(self, env: HeadTrackingEnv, agent: AgentConfig, folder: Path, device: str) -> None:
         config = agent.model_dump(mode="json")
@@ -109,7 +110,7 @@ class ProgressLogger(Logger):
         super().__init__(**arguments)
         self._progress = Progress()
 
-    def log(self, it: int, start_it: int, total_it: int, collect_time: float, learn_time: float, **rest: Any) -> None:  # type: ignore[override]
+    def log(self, it: int, start_it: int, total_it: int, collect_time: float, learn_time: float, **rest: Any) -> None:
         """Write the iteration to TensorBoard and show it."""
         error_mm = float(torch.stack([step["/tracking_error_mm"] for step in self.ep_extras]).mean())
         cost = float(torch.stack([step["/cost"] for step in self.ep_extras]).mean())

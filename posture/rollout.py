@@ -45,7 +45,7 @@ def rollout(env: HeadTrackingEnv, policy: Policy, freq: torch.Tensor | None, dur
                 arrays[name][fall:, world] = np.nan
     flat = arrays.pop("foot_flat") == 1.0
     return Trajectory(
-        time=env.config.control_dt * np.arange(1, steps + 1),
+        time=env.config.control_dt * np.arange(1, steps + 1, dtype=np.float64),
         freq=np.full(env.num_envs, np.nan) if freq is None else freq.double().cpu().numpy(),
         hip_k=env.sim.hip_k.double().cpu().numpy(),
         ankle_k=env.sim.ankle_k.double().cpu().numpy(),

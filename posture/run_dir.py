@@ -12,8 +12,6 @@ A run folder explains itself:
 
 import datetime
 import importlib.metadata
-import io
-import os
 import platform
 import re
 import subprocess
@@ -24,6 +22,7 @@ from typing import Any
 import torch
 import yaml
 
+from posture.atomic import replacing
 from posture.config import ConfigError, TrainConfig, read
 
 RUNS = Path("runs")
@@ -60,7 +59,9 @@ def runs_in(folder: Path) -> list[Path]:
     if is_run(folder):
         return [folder]
     jobs = [path for path in folder.iterdir() if path.is_dir() and is_run(path)]
-    return sorted(jobs, key=lambda path: (int(path.name.split("_")[0]) if path.name.split("_")[0].isdigit() else 0, path.name))
+    return sorted(
+        jobs, key=lambda path: (int(path.name.split("_")[0]) if path.name.split("_")[0].isdigit() else 0, path.name)
+    )
 
 
 def find_run(name: str) -> Path:
@@ -91,7 +92,9 @@ def find_checkpoints(name: str) -> list[Path]:
         if not runs:
             raise ConfigError(f"{name}: neither a run folder (with config.yaml) nor a sweep of such folders")
     else:
-        raise ConfigError(f"{name}: no such file or folder; allowed are a checkpoint, a run folder, a sweep folder, or latest")
+        raise ConfigError(
+            f"{name}: no such file or folder; allowed are a checkpoint, a run folder, a sweep folder, or latest"
+        )
     found = [newest_model(run) for run in runs]
     if not any(found):
         raise ConfigError(f"{name}: no checkpoint (model_<n>.pt) in it yet")
@@ -151,9 +154,8 @@ def output_folder(name: str | None) -> Path | None:
 
 def save(content: dict[str, Any], path: Path) -> None:
     """Write a checkpoint so that at any moment the old file or the new one is there, whole."""
-    buffer = io.BytesIO()
-    torch.save(content, buffer)
-    write_atomic(path, buffer.getvalue())
+    with replacing(path) as temporary:
+        torch.save(content, temporary)
 
 
 def load(path: Path, device: str) -> dict[str, Any]:
@@ -169,21 +171,9 @@ def load(path: Path, device: str) -> dict[str, Any]:
     return content
 
 
-def write_atomic(path: Path, content: bytes) -> None:
-    """Write `content` to a temporary file beside `path`, then move it there in one step."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with open(temporary, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
 def _write_yaml(path: Path, values: dict[str, Any]) -> None:
-    write_atomic(path, yaml.safe_dump(values, sort_keys=False, allow_unicode=True).encode())
+    with replacing(path) as temporary:
+        temporary.write_text(yaml.safe_dump(values, sort_keys=False, allow_unicode=True), encoding="utf-8")
 
 
 def _git_commit() -> str | None:

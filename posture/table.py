@@ -55,9 +55,7 @@ def markdown_table(rows: Sequence[Row], paper: Paper) -> str:
 def _cells(rows: Sequence[Row], paper: Paper) -> list[list[str]]:
     """Headings, then the cells of each world. Stiffness and load show only where worlds differ in them."""
     conditions = {
-        name: column
-        for name, column in _CONDITIONS.items()
-        if name == "freq_hz" or len({row[name] for row in rows}) > 1
+        name: column for name, column in _CONDITIONS.items() if name == "freq_hz" or len({row[name] for row in rows}) > 1
     }
     published = [_published(row["freq_hz"], paper) for row in rows]
     beside = any(published)

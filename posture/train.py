@@ -1,19 +1,16 @@
 """Train one policy to follow the target with the head, then evaluate it.
 
-    python -m posture.train env.freq=1.2
-    python -m posture.train -m env.hip_k=25,50,...,200
-    python -m posture.train resume=latest max_iterations=500
+python -m posture.train env.freq=1.2
+python -m posture.train -m env.hip_k=25,50,...,200
+python -m posture.train resume=latest max_iterations=500
 """
 
 from pathlib import Path
 
 import torch
 
-from envs.head_tracking import HeadTrackingEnv
 from posture import cli, run_dir
 from posture.config import ConfigError, TrainConfig
-from posture.evaluation import evaluate_run
-from posture.learner import Learner
 from posture.progress import preparing
 
 RESUME_KEYS = {"resume", "max_iterations", "device", "evaluate"}
@@ -24,16 +21,19 @@ def train(config: TrainConfig, folder: Path) -> None:
     """Run one training job in `folder`."""
     if config.resume is not None:
         config = _resumed(config, folder)
+    # Only now, so that bad input is answered before physics takes seconds to import.
+    from envs.head_tracking import HeadTrackingEnv
+    from posture.evaluation import evaluate_run
+    from posture.learner import Learner
+
     torch.manual_seed(config.seed)
     run_dir.write_config(folder, config)
     with preparing():
         env = HeadTrackingEnv(config.env, config.seed, config.device)
         learner = Learner(env, config.agent, folder, config.device)
+        env.warm_up()
         if config.resume is not None:
             learner.resume()
-        else:
-            # Kernels compile in the first step, which must not count as training.
-            env.warm_up()
     learner.train(config.max_iterations)
     if config.evaluate:
         evaluate_run(folder, config)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
+
+from posture.atomic import replacing
 
 Array = NDArray[np.float64]
 
@@ -24,21 +23,6 @@ _AXES = {
     "torso_height": "TW", "foot_displacement": "TW", "foot_flat": "TW", "fall_step": "W",
 }  # fmt: skip
 _DTYPES = {"foot_flat": np.bool_, "fall_step": np.int64}  # all others float64
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path beside `path`; move it onto `path` on success, delete it on failure.
-
-    A reader, or a run cut short, therefore sees the old file or the whole new one, never a torn one.
-    """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        yield temporary
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 @dataclass(frozen=True, eq=False)

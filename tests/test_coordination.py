@@ -171,9 +171,7 @@ def test_paper_phase_is_averaged_over_cycles() -> None:
 
 
 @given(frequencies, phases, st.floats(0.1, 10), st.floats(-5, 5))
-def test_component_recovers_amplitude_and_phase(
-    freq: float, phase: float, amplitude: float, offset: float
-) -> None:
+def test_component_recovers_amplitude_and_phase(freq: float, phase: float, amplitude: float, offset: float) -> None:
     parts = cycles(TIME, freq, 10.0)
     found = cycle_components(amplitude * wave(freq, phase) + offset, TIME, freq, parts)
     assert len(found) == len(parts)
@@ -302,9 +300,7 @@ def test_transition_refuses_unlike_arrays() -> None:
 
 
 @pytest.mark.parametrize(("phase", "name"), [(0.0, "in-phase"), (math.pi, "anti-phase"), (2.0, "anti-phase")])
-@pytest.mark.parametrize(
-    "freq", [0.15, 0.75, 1.47]
-)  # 15, 75 and 147 cycles in 100 s; 0.15 and 1.47 not in 90 s
+@pytest.mark.parametrize("freq", [0.15, 0.75, 1.47])  # 15, 75 and 147 cycles in 100 s; 0.15 and 1.47 not in 90 s
 def test_coordination_of_a_trial(freq: float, phase: float, name: str) -> None:
     found = row(trial(freq, phase))
     assert (found["mode"], found["valid"], found["fell"]) == (name, True, False)
@@ -360,18 +356,18 @@ def test_ranges_are_those_of_the_mean_of_left_and_right() -> None:
 
 
 def test_balance_of_a_trial() -> None:
-    # After 10 s the pressure lies at 1 cm for half of the time and at 5 cm for the rest. Half of the time, in
-    # the middle, a foot is not flat; for half of that neither carries load. The feet slid 3 cm at first.
+    # After 10 s the pressure lies at 1 cm for half of the time and at 5 cm for the rest. In the middle a
+    # foot is not flat for 36 s of the 90 s and neither carries load for 22.5 s. The feet slid 3 cm at first.
     cop = np.where(TIME < 55, 0.01, 0.05)
     cop[TIME < 10] = -9.0
-    lifted = (TIME >= 32.5) & (TIME < 77.5)
+    lifted = (TIME >= 37) & (TIME < 73)
     cop[(TIME >= 43.75) & (TIME < 66.25)] = math.nan
     slid = np.where(TIME < 5, 0.03, 0.0)
     changes = {"cop_x": cop, "foot_flat": ~lifted, "foot_displacement": slid}
     found = row(trial(0.5, **{name: value[:, None] for name, value in changes.items()}))
     assert found["cop_p05_m"] == found["cop_p25_m"] == pytest.approx(0.01)
     assert found["cop_p75_m"] == found["cop_p95_m"] == pytest.approx(0.05)
-    assert found["foot_not_flat_share"] == pytest.approx(0.5)
+    assert found["foot_not_flat_share"] == pytest.approx(0.4)
     assert found["foot_displacement_max_m"] == 0.03
 
 
@@ -389,9 +385,7 @@ def test_the_transient_is_left_out_where_it_should() -> None:
     )
     before, after = row(calm), row(noisy)
     whole = {"hip_ankle_r", "mode", "target_head_r", "head_speed_mps", "energy_j"}
-    assert {name for name in before if before[name] == pytest.approx(after[name], nan_ok=True)} == set(
-        before
-    ) - whole
+    assert {name for name in before if before[name] == pytest.approx(after[name], nan_ok=True)} == set(before) - whole
     # 1 m/s for 10 of 100 s; 4 joints x 1 Nm x 1 rad/s for 10 s.
     assert after["head_speed_mps"] == pytest.approx(0.1)
     assert after["energy_j"] == pytest.approx(40)

@@ -125,12 +125,8 @@ def test_a_world_that_blew_up_is_marked(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["coordination", "tracking"])
-@pytest.mark.parametrize(
-    "paper", [None, {}, {"table_3": {}}, {"table_3": {"freq_hz": [0.3]}}, {"table_1": {"a": 1}}]
-)
-def test_nothing_published_is_drawn_where_there_is_nothing(
-    name: str, paper: figures.Paper, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("paper", [None, {}, {"table_3": {}}, {"table_3": {"freq_hz": [0.3]}}, {"table_1": {"a": 1}}])
+def test_nothing_published_is_drawn_where_there_is_nothing(name: str, paper: figures.Paper, tmp_path: Path) -> None:
     assert ">paper" not in text_of(name, sweep([0.3, 0.9]), paper, tmp_path)
 
 
@@ -145,6 +141,13 @@ def test_foot_span_is_drawn_where_it_is(tmp_path: Path) -> None:
     cop = text_of("cop", sweep([0.3, 0.9]), None, tmp_path)
     assert "heel contact ends, -63 mm" in cop
     assert "toe contact ends, 132 mm" in cop
+
+
+def test_draw_all_passes_the_foot_span_on(tmp_path: Path) -> None:
+    trajectory = sweep([0.3, 0.9])
+    figures.draw_all(trajectory, measured(trajectory), None, tmp_path, SPAN)
+    drawing("cop", trajectory, None, tmp_path / "alone.png")
+    assert (tmp_path / "cop.png").read_bytes() == (tmp_path / "alone.png").read_bytes()
 
 
 def test_units_are_on_the_axes(tmp_path: Path) -> None:

@@ -79,8 +79,7 @@ def test_order_of_arguments_is_kept() -> None:
         ),
         (
             "f=0.05,0.15,...,0.50",
-            "0.50 is not reached from 0.05 in steps of 0.15-0.05=0.10; end at 0.45 or 0.55 "
-            "or write the values out",
+            "0.50 is not reached from 0.05 in steps of 0.15-0.05=0.10; end at 0.45 or 0.55 or write the values out",
         ),
         ("x=10,7,...,0", "end at 1 or -2, use range(10,-3,-3) or write the values out"),
         ("x=25,50,...,60", "end at 75, use range(25,76,25) or write the values out"),
@@ -138,9 +137,7 @@ def _decimal_text(units: int, decimals: int) -> str:
     decimals=st.integers(0, 25),
     data=st.data(),
 )
-def test_values_are_the_exact_progression(
-    first: int, step: int, length: int, decimals: int, data: st.DataObject
-) -> None:
+def test_values_are_the_exact_progression(first: int, step: int, length: int, decimals: int, data: st.DataObject) -> None:
     shown = data.draw(st.integers(2, length - 1), label="numbers before the dots")
     texts = [_decimal_text(first + i * step, decimals) for i in range(length)]
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from posture.trajectory import JOINTS, Trajectory, replacing
+from posture.atomic import replacing
+from posture.trajectory import JOINTS, Trajectory
 
 STEPS, WORLDS = 5, 3
 

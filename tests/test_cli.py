@@ -1,0 +1,261 @@
+"""The command line as users meet it: real runs of tiny size, and one clear line with exit code 2 for bad input."""
+
+import csv
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import torch
+import yaml
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
+
+from posture import cli, run_dir
+from posture.config import EvalConfig, TrainConfig
+from posture.eval import evaluate_all
+from posture.train import train
+
+TINY = [
+    "env.num_envs=8",
+    "max_iterations=2",
+    "agent.num_steps_per_env=4",
+    "agent.algorithm.num_mini_batches=2",
+    "agent.algorithm.num_learning_epochs=1",
+    "agent.save_interval=1",
+    "evaluation.duration=1.0",
+    "evaluation.transient=0.1",
+    "evaluation.freq=[0.5,1.5]",
+]
+ENTRIES = {"train": (TrainConfig, train), "eval": (EvalConfig, evaluate_all)}
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    """Runs go to runs/ of the current directory: an empty one of the test's own."""
+    monkeypatch.chdir(tmp_path)
+
+
+def call(monkeypatch, entry, *arguments):
+    """`python -m posture.<entry> arguments` in this process."""
+    GlobalHydra.instance().clear()
+    HydraConfig.instance().cfg = None
+    monkeypatch.setattr(sys, "argv", [f"posture.{entry}", *arguments])
+    kind, task = ENTRIES[entry]
+    cli.run(entry, kind, task)
+
+
+def refused(monkeypatch, capsys, entry, *arguments):
+    """The one line that bad input is answered with."""
+    with pytest.raises(SystemExit) as stop:
+        call(monkeypatch, entry, *arguments)
+    told = capsys.readouterr()
+    assert stop.value.code == 2, told.err
+    lines = told.err.strip().splitlines()
+    assert len(lines) == 1 and lines[0].startswith("error: "), told.err
+    assert "Traceback" not in told.err + told.out
+    return lines[0]
+
+
+def table(path):
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def runs():
+    return sorted(path for path in Path("runs").glob("*") if path.is_dir())
+
+
+# -- bad input -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("argument", "expected"),
+    [
+        ("env.frequency=1", ["env.frequency", "not a key"]),
+        ("env.freq=fast", ["env.freq = fast", "a number in (0, 10] Hz"]),
+        ("env.freq=-1", ["env.freq"]),
+        ("env.freq=[1.0,0.5]", ["from low to high"]),
+        ("env.freq={start: 0.0, rate: -0.1, duration: 5.0}", ["the ramp ends at -0.5 Hz"]),
+        ("env.hip_k=-5", ["env.hip_k = -5", "greater than or equal to 0"]),
+        ("env.hip_k=nan", ["env.hip_k", "finite"]),
+        ("env.num_envs=0", ["env.num_envs = 0", "greater than or equal to 1"]),
+        ("env.num_envs=2.5", ["env.num_envs = 2.5", "integer"]),
+        ("env.control_dt=0", ["env.control_dt"]),
+        ("env.termination.head_tolerance=0.3", ["head_tolerance", "beyond the target's whole path"]),
+        ("env.observations=[head,balance]", ["unknown balance", "joint_angle"]),
+        ("agent.obs_groups.actor=[foot_wrench]", ["agent.obs_groups.actor", "foot_wrench not among"]),
+        ("env.num_envs=1 agent.num_steps_per_env=4", ["do not fill 16 mini-batches"]),
+        ("agent.algorithm.gamma=1.5", ["agent.algorithm.gamma = 1.5", "less than or equal to 1"]),
+        ("agent.actor.class_name=os.system", ["agent.actor.class_name", "MLPModel"]),
+        ("env=papers", ["env/papers", "authors_code"]),
+        ("device=cuda:77", ["device", "cuda"]),
+        ("device=tpu", ["device: 'tpu' is not known; allowed are cpu, cuda"]),
+        ("max_iterations=0", ["max_iterations = 0"]),
+        ("env.reward.alive={start: 1.0, end: -1.0, steps: 5}", ["both be positive or both negative"]),
+        ("env.reward.scale=0", ["env.reward.scale = 0"]),
+        ("evaluation.transient=100", ["leaves nothing of a trial of 100 s"]),
+        ("resume=runs/none", ["runs/none: not a run folder"]),
+        ("resume=latest", ["latest: no run with a checkpoint"]),
+        ("env.hip_k=25,50,...,190 -m", ["190 is not reached"]),
+        ("env.hip_k=25,50,-1 -m", ["env.hip_k = -1"]),
+    ],
+)
+def test_bad_input_to_train(monkeypatch, capsys, argument, expected):
+    pieces = [argument] if "{" in argument else argument.split()
+    line = refused(monkeypatch, capsys, "train", *pieces)
+    for part in expected:
+        assert part in line
+    assert not [run for run in runs() if (run / "config.yaml").exists()]
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="this machine has CUDA")
+def test_cuda_without_cuda(monkeypatch, capsys):
+    assert "finds no CUDA device; use cpu" in refused(monkeypatch, capsys, "train", "device=cuda")
+
+
+def test_bad_input_to_eval(monkeypatch, capsys, tmp_path):
+    assert "no such file or folder" in refused(monkeypatch, capsys, "eval", "ckpt=runs/none")
+    assert "latest: no run with a checkpoint" in refused(monkeypatch, capsys, "eval")
+    (tmp_path / "empty").mkdir()
+    assert "neither a run folder" in refused(monkeypatch, capsys, "eval", "ckpt=empty")
+    (tmp_path / "stray.pt").write_bytes(b"x")
+    assert "no config.yaml beside it" in refused(monkeypatch, capsys, "eval", "ckpt=stray.pt")
+    assert "freq" in refused(monkeypatch, capsys, "eval", "evaluation.freq=[]")
+
+
+def test_a_python_process_exits_with_2(tmp_path):
+    told = subprocess.run(
+        [sys.executable, "-m", "posture.train", "env.hip_k=-5"], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert told.returncode == 2
+    assert told.stderr.strip() == "error: env.hip_k = -5: input should be greater than or equal to 0"
+
+
+# -- runs ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """A run of two tiny iterations, with its evaluation, made once."""
+    folder = tmp_path_factory.mktemp("trained")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        call(patch, "train", *TINY)
+        return folder / runs()[0]
+
+
+def test_a_run_folder_explains_itself(trained):
+    files = {path.name for path in trained.iterdir()}
+    assert {"config.yaml", "provenance.yaml", "model_1.pt", "model_2.pt", "resume.pt", "evaluation"} <= files
+    assert any(name.startswith("events.out.tfevents") for name in files)
+    config = yaml.safe_load((trained / "config.yaml").read_text())
+    assert config["env"]["num_envs"] == 8 and config["seed"] == 1
+    provenance = yaml.safe_load((trained / "provenance.yaml").read_text())
+    assert provenance["versions"]["newton"] and "git_commit" in provenance
+    assert not [path for path in trained.rglob("*.tmp")]
+
+
+def test_evaluation_writes_trajectories_metrics_and_figures(trained):
+    folder = trained / "evaluation"
+    rows = table(folder / "metrics.csv")
+    assert [float(row["freq_hz"]) for row in rows] == [0.5, 1.5]
+    assert all(row["fell"] == "True" and row["valid"] == "False" and row["cost"] == "nan" for row in rows)
+    assert (folder / "trajectories.npz").exists() and len(list(folder.glob("*.png"))) >= 7
+
+
+def test_tensorboard_has_the_curves(trained):
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    curves = EventAccumulator(str(trained))
+    curves.Reload()
+    assert {"/cost", "/tracking_error_mm", "Loss/learning_rate", "Perf/total_fps"} <= set(curves.Tags()["scalars"])
+    assert len(curves.Scalars("/cost")) == 2
+
+
+def test_eval_by_file_folder_and_latest_agree(trained, monkeypatch, capsys):
+    monkeypatch.chdir(trained.parent.parent)
+    tables = []
+    for ckpt, out in ((trained, "a"), (trained / "model_2.pt", "b"), ("latest", "c")):
+        call(monkeypatch, "eval", f"ckpt={ckpt}", f"out={out}", *(t for t in TINY if t.startswith("evaluation")))
+        tables.append(Path(out, "metrics.csv").read_text())
+    assert tables[0] == tables[1] == tables[2] == (trained / "evaluation" / "metrics.csv").read_text()
+    assert "fell" in capsys.readouterr().out
+
+
+def test_eval_may_change_the_subject(trained, monkeypatch):
+    evaluation = [t for t in TINY if t.startswith("evaluation")]
+    call(monkeypatch, "eval", f"ckpt={trained}", "out=heavy", "env.load=4", "env.hip_k=60", *evaluation)
+    row = table(Path("heavy/metrics.csv"))[0]
+    assert float(row["load_kg"]) == 4.0 and float(row["hip_k_nm_per_rad"]) == 60.0
+
+
+@pytest.mark.parametrize("harm", ["empty", "truncated", "text", "foreign", "pickle", "not finite"])
+def test_harmed_checkpoints_are_refused(trained, monkeypatch, capsys, tmp_path, harm):
+    (tmp_path / "config.yaml").write_text((trained / "config.yaml").read_text())
+    whole = (trained / "model_2.pt").read_bytes()
+    target = tmp_path / "model_2.pt"
+    if harm == "empty":
+        target.write_bytes(b"")
+    elif harm == "truncated":
+        target.write_bytes(whole[: len(whole) // 2])
+    elif harm == "text":
+        target.write_text("hello")
+    elif harm == "foreign":
+        torch.save({"weights": torch.zeros(3)}, target)
+    elif harm == "pickle":
+        torch.save({"actor_state_dict": Path("/")}, target)
+    else:
+        content = torch.load(target if target.exists() else trained / "model_2.pt", weights_only=True)
+        next(iter(content["actor_state_dict"].values())).fill_(torch.nan)
+        torch.save(content, target)
+    line = refused(monkeypatch, capsys, "eval", f"ckpt={tmp_path}", "evaluation.duration=1.0", "evaluation.transient=0.1")
+    assert "model_2.pt" in line
+
+
+def same(a, b):
+    """Whether two checkpoints hold the same numbers, bit for bit."""
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, (list, tuple)):
+        return len(a) == len(b) and all(map(same, a, b))
+    return torch.equal(a, b) if isinstance(a, torch.Tensor) else a == b
+
+
+def test_resume_goes_on_exactly(monkeypatch, capsys):
+    """Two iterations, a break and two more equal four without a break, bit for bit."""
+    quick = [*TINY, "evaluate=false", "env.num_envs=16"]
+    call(monkeypatch, "train", *quick)
+    run = runs()[0]
+    call(monkeypatch, "train", f"resume={run}", "max_iterations=4")
+    assert runs() == [run]
+    call(monkeypatch, "train", *quick, "max_iterations=4")
+    other = runs()[1]
+    assert {path.name for path in run.glob("model_*")} == {f"model_{n}.pt" for n in (1, 2, 3, 4)}
+    ours, theirs = (torch.load(path / "model_4.pt", weights_only=True) for path in (run, other))
+    assert ours["iter"] == 4 and same(ours, theirs)
+    ours, theirs = (torch.load(path / "resume.pt", weights_only=True) for path in (run, other))
+    assert same(ours["env"], theirs["env"]) and same(ours["rng"], theirs["rng"])
+
+    assert "it is a total" in refused(monkeypatch, capsys, "train", f"resume={run}", "max_iterations=4")
+    line = refused(monkeypatch, capsys, "train", f"resume={run}", "max_iterations=5", "env.hip_k=50")
+    assert "env.hip_k cannot be changed" in line
+
+
+def test_a_sweep_makes_a_folder_a_job_and_eval_one_table(monkeypatch):
+    call(monkeypatch, "train", "-m", "env.hip_k=25,75,...,175", *TINY, "max_iterations=1", "evaluate=false")
+    (sweep,) = runs()
+    jobs = sorted(path for path in sweep.iterdir() if path.is_dir())
+    assert len(jobs) == 4
+    assert not [path for path in jobs if {"=", ","} & set(path.name)]
+    stiffness = [yaml.safe_load((job / "config.yaml").read_text())["env"]["hip_k"] for job in run_dir.runs_in(sweep)]
+    assert stiffness == [25.0, 75.0, 125.0, 175.0]
+    call(monkeypatch, "eval", f"ckpt={sweep}", *(t for t in TINY if t.startswith("evaluation")))
+    rows = table(sweep / "metrics.csv")
+    assert [float(row["hip_k_nm_per_rad"]) for row in rows] == [25.0, 25.0, 75.0, 75.0, 125.0, 125.0, 175.0, 175.0]
+    assert len({row["run"] for row in rows}) == 4
+
+
+def test_two_runs_of_the_same_second_do_not_share_a_folder():
+    folders = [run_dir.folder_for("runs", None) for _ in range(5)]
+    assert len(set(folders)) == 5 and all(Path(folder).is_dir() for folder in folders)
