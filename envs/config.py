@@ -92,8 +92,9 @@ class EnvConfig(Strict):
     """The head-tracking task. Units and sources stand beside the values in conf/env/head_tracking.yaml."""
 
     num_envs: Annotated[int, Field(ge=1, le=1_000_000)]
-    freq: Freq | tuple[Freq, Freq] | Ramp
+    freq: Freq | tuple[Freq, Freq]
     freq_draw: Literal["uniform", "stratified"]
+    ramp: Ramp | None
     amplitude: Positive
     hip_k: NonNegative
     ankle_k: NonNegative

@@ -46,8 +46,8 @@ class HeadTrackingEnv(VecEnv):
 
         n, place = config.num_envs, self.sim.device
         shape = self.sim.geometry
-        self._head = torch.tensor(shape.head, device=place)
-        self._hat_com = torch.tensor(shape.hat_com, device=place)
+        self._head = torch.tensor(shape.head, device=place)[None]
+        self._hat_com = torch.tensor(shape.hat_com, device=place)[None]
         limits = torch.tensor(shape.joint_limits, device=place)
         self._limit_centre, self._limit_half = limits.mean(0), (limits[1] - limits[0]) / 2.0
         self.hat_pose = self.sim.body_pose[:, self.HAT]
@@ -60,7 +60,7 @@ class HeadTrackingEnv(VecEnv):
         self.episode_length_buf = torch.zeros(n, dtype=torch.long, device=place)
         self.episode = torch.zeros(n, dtype=torch.long, device=place)
         self.action = torch.zeros(n, len(JOINTS), device=place)
-        self._source = target.FrequencySource(config.freq, config.freq_draw, n, seed, place)
+        self._source = target.FrequencySource(config.freq, config.ramp, config.freq_draw, n, seed, place)
         self.freq = self._source.draw(self.episode)
         self._read()
 

@@ -4,7 +4,7 @@ import torch
 
 
 def rotate(quaternion: torch.Tensor, vector: torch.Tensor) -> torch.Tensor:
-    """`vector` (..., 3) turned by `quaternion` (..., 4). Shape (..., 3)."""
+    """`vector` (..., 3) turned by `quaternion` (..., 4), of as many dimensions each; broadcast. Shape (..., 3)."""
     axis, w = quaternion[..., :3], quaternion[..., 3:]
     twice = 2.0 * torch.linalg.cross(axis, vector, dim=-1)
     return vector + w * twice + torch.linalg.cross(axis, twice, dim=-1)

@@ -44,23 +44,27 @@ class FrequencySource:
     """
 
     def __init__(
-        self, freq: float | tuple[float, float] | Ramp, draw: str, num_worlds: int, seed: int, device: torch.device
+        self,
+        freq: float | tuple[float, float],
+        ramp: Ramp | None,
+        draw: str,
+        num_worlds: int,
+        seed: int,
+        device: torch.device,
     ) -> None:
         worlds = torch.arange(num_worlds, device=device)
         self._seed = seed
-        if isinstance(freq, Ramp):
-            low = high = freq.start
-        elif isinstance(freq, tuple):
-            low, high = freq
+        if ramp is not None:
+            low = high = ramp.start
         else:
-            low = high = freq
+            low, high = freq if isinstance(freq, tuple) else (freq, freq)
         parts = num_worlds if draw == "stratified" else 1
         width = (high - low) / parts
         self._low = low + width * (worlds if parts > 1 else torch.zeros_like(worlds))
         self._width = width
         self._worlds = worlds
-        self.rate = torch.full((num_worlds,), freq.rate if isinstance(freq, Ramp) else 0.0, device=device)
-        self.duration = torch.full((num_worlds,), freq.duration if isinstance(freq, Ramp) else 0.0, device=device)
+        self.rate = torch.full((num_worlds,), ramp.rate if ramp else 0.0, device=device)
+        self.duration = torch.full((num_worlds,), ramp.duration if ramp else 0.0, device=device)
 
     def fix(self, freq: torch.Tensor) -> None:
         """From its next episode on, world i follows the constant `freq`[i] [Hz], (N,)."""

@@ -9,7 +9,7 @@ import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import hydra
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
@@ -17,7 +17,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
-from omegaconf.errors import OmegaConfBaseException
+from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 from pydantic import BaseModel
 
 from posture import run_dir
@@ -37,15 +37,17 @@ def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> 
     OmegaConf.register_new_resolver("posture.slug", override_slug, replace=True)
 
     def job(composed: DictConfig) -> None:
-        task(read(kind, plain(composed)), Path(HydraConfig.get().runtime.output_dir))
+        try:
+            task(read(kind, plain(composed)), Path(HydraConfig.get().runtime.output_dir))
+        except ConfigError as error:
+            _refuse(error)  # here, since Hydra would add lines of its own
 
     try:
         sys.argv[1:] = _expanded(sys.argv[1:])
         _check_jobs(name, kind, sys.argv[1:])
         hydra.main(version_base="1.3", config_path=str(CONF), config_name=name)(job)()
     except (ConfigError, HydraException, OmegaConfBaseException) as error:
-        print(f"error: {one_line(error)}", file=sys.stderr)
-        sys.exit(2)
+        _refuse(error)
 
 
 def plain(composed: DictConfig) -> dict[str, Any]:
@@ -62,14 +64,18 @@ def overridden_keys() -> set[str]:
 
 def one_line(error: Exception) -> str:
     """An error's message without line breaks and without what Hydra and OmegaConf add for their own developers."""
+    cause = error.__cause__
+    if isinstance(cause, (ConfigAttributeError, ConfigKeyError)) and cause.parent_node is not None:
+        return f"{cause.full_key}: no such key; allowed there are {', '.join(map(str, cause.parent_node))}"
     text = re.sub(
-        r"\n\s*(full_key|object_type|reference_type|Config search path|To append to your config).*",
-        "",
-        str(error),
-        flags=re.S,
+        r"\n\s*(full_key|object_type|Config search path|To append to your config|See https).*", "", str(error), flags=re.S
     )
-    text = re.sub(r"'(\w+)' is not in struct", r"'\1' is not a key there", text)
     return re.sub(r"\s*\n\s*", " ", text).strip()
+
+
+def _refuse(error: Exception) -> NoReturn:
+    print(f"error: {one_line(error)}", file=sys.stderr)
+    sys.exit(2)
 
 
 def _expanded(argv: list[str]) -> list[str]:

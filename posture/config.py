@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeVar
 import torch
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from envs.config import EnvConfig, Freq, NonNegative, Positive, Strict
+from envs.config import MAX_FREQ_HZ, EnvConfig, Freq, NonNegative, Positive, Strict
 from envs.observations import GROUPS
 
 Count = Annotated[int, Field(ge=1)]
@@ -101,14 +101,14 @@ class EvaluationConfig(Strict):
 class TrainConfig(Strict):
     """Everything that `posture.train` is told, and what a run folder keeps as config.yaml."""
 
+    env: EnvConfig
+    agent: AgentConfig
+    evaluation: EvaluationConfig
     seed: Annotated[int, Field(ge=0, lt=2**31)]
     device: str
     max_iterations: Count
     resume: str | None
     evaluate: bool
-    env: EnvConfig
-    agent: AgentConfig
-    evaluation: EvaluationConfig
     paper: dict[str, Any]
 
     @model_validator(mode="after")
@@ -184,26 +184,27 @@ def check_device(device: str) -> None:
             raise ValueError(f"device: '{device}' does not exist; this machine has {torch.cuda.device_count()} CUDA devices")
 
 
-_UNIONS = {
-    "env.freq": f"a number in (0, {10:g}] Hz, a range [low, high], or a ramp {{start: .., rate: .., duration: ..}}",
-    "weight": "a number, or a schedule {start: .., end: .., steps: ..}",
-}
+_UNION_BRANCHES = {"float", "int", "Schedule", "Ramp", "tuple", "constrained-float"}
 
 
 def _one_line(error: ValidationError) -> str:
-    first = error.errors()[0]
-    names = [str(part) for part in first["loc"]]
-    message = first["msg"].removeprefix("Value error, ")
-    given = first["input"]
-    if len(names) > 1 and ".".join(names[:2]) == "env.freq" and first["type"] != "value_error":
-        return f"env.freq = {given}: allowed is {_UNIONS['env.freq']}"
-    # Of a union pydantic names the branch as if it were a key.
-    names = [name for name in names if name not in ("float", "Schedule", "Ramp") and not name.startswith("constrained")]
-    place = ".".join(names)
+    errors = error.errors()
+    # Of a union pydantic reports every branch: the branch that took the value's shape and refused its content says most.
+    first = next((e for e in errors if e["type"] == "value_error"), errors[0])
+    names = [str(part) for part in first["loc"] if not _is_branch(str(part))]
+    place, message, given = ".".join(names), first["msg"].removeprefix("Value error, "), first["input"]
+    if first["type"] == "value_error":
+        return f"{place}: {message}" if place and not message.startswith(place) else message
     if first["type"] == "extra_forbidden":
         return f"{place}: no such key"
     if first["type"] == "missing":
         return f"{place}: missing"
-    if first["type"] == "value_error":
-        return f"{place}: {message}" if place else message
+    if place == "env.freq" and len(errors) > 1:
+        return f"env.freq = {given}: allowed is a number in (0, {MAX_FREQ_HZ:g}] Hz, or a range [low, high] of such numbers"
+    if len(errors) > 1 and any("Schedule" in str(e["loc"]) for e in errors):
+        return f"{place} = {given}: allowed is a number, or a schedule {{start: .., end: .., steps: ..}}"
     return f"{place} = {given!r}: {message[0].lower()}{message[1:]}"
+
+
+def _is_branch(part: str) -> bool:
+    return part in _UNION_BRANCHES or part.startswith(("constrained", "tuple[", "function-"))

@@ -34,19 +34,18 @@ def test_starts_standing_with_the_head_at_zero(env_config):
 
 
 def test_head_velocity_is_the_slope_of_its_position(env_config):
-    env = environment(env_config, "env.termination.head_tolerance=null", "env.termination.foot_motion=null")
+    loose = ("env.termination.head_tolerance=null", "env.termination.foot_motion=null")
+    # A tenth of a second at a tenth of the usual step: the integrator itself is of first order.
+    env = environment(env_config, *loose, "env.control_dt=0.0005")
     places, speeds = [], []
-    for i in range(20):
-        env.step(torch.tensor([[-0.3, 0.2 * math.sin(i)]] * 4))
-        places.append(env.head_x.clone())
-        speeds.append(env.head_vx.clone())
-    places, speeds = torch.stack(places).double(), torch.stack(speeds).double()
+    for i in range(300):
+        env.step(torch.tensor([[-0.3 * math.sin(i / 120), 0.2 * math.sin(i / 80)]] * 4))
+        places.append(env.head_x.double())
+        speeds.append(env.head_vx.double())
+    places, speeds = torch.stack(places), torch.stack(speeds)
     slope = (places[2:] - places[:-2]) / (2 * env.config.control_dt)
     assert speeds.abs().max() > 0.2
-    assert (slope - speeds[1:-1]).abs().max() < 0.1 * speeds.abs().max()
-    # The mean over the whole motion has no error of discretisation to speak of.
-    travelled = (speeds[1:] + speeds[:-1]).mul(0.5 * env.config.control_dt).sum(0)
-    assert travelled.tolist() == pytest.approx((places[-1] - places[0]).tolist(), rel=0.03)
+    assert (slope - speeds[1:-1]).abs().max() < 0.01 * speeds.abs().max()
 
 
 def test_one_command_moves_left_and_right_alike(env_config):
