@@ -6,11 +6,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 
 PLAIN_EVERY_S = 10.0
 """Seconds between two plain lines; a log of a long run stays readable."""
-PATIENCE_S = 4.0
-"""Seconds after which a silent preparation is explained."""
+WATCH_EVERY_S = 0.5
+"""Seconds between two looks at Warp's kernel cache, which grows while it compiles."""
 
 
 @dataclass(frozen=True)
@@ -60,10 +61,28 @@ class Progress:
 
 @contextmanager
 def preparing() -> Iterator[None]:
-    """While the body of this `with` runs for longer than a moment, say what takes the time."""
-    timer = threading.Timer(PATIENCE_S, print, ["compiling kernels, first run only"], {"flush": True})
-    timer.start()
+    """While the body of this `with` runs, say so once if Warp compiles kernels, which takes up to a minute."""
+    import warp
+
+    warp.init()
+    cache = Path(warp.config.kernel_cache_dir)
+    before = _entries(cache)
+    done = threading.Event()
+
+    def watch() -> None:
+        while not done.wait(WATCH_EVERY_S):
+            if _entries(cache) > before:
+                print("compiling kernels, first run only", flush=True)
+                return
+
+    watcher = threading.Thread(target=watch, daemon=True)
+    watcher.start()
     try:
         yield
     finally:
-        timer.cancel()
+        done.set()
+        watcher.join()
+
+
+def _entries(folder: Path) -> int:
+    return sum(1 for _ in folder.iterdir()) if folder.is_dir() else 0
