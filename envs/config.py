@@ -5,16 +5,23 @@ No field has a default: a number that is missing from conf/ is an error, not a g
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 MAX_FREQ_HZ = 10.0
-"""Above this a target of one control step in six periods is no longer a motion to follow [Hz]."""
+"""Above this a period has fewer than six control steps, and the target is no longer a motion to follow [Hz]."""
 
 
 class Strict(BaseModel):
     """A frozen record that refuses unknown keys, NaN and infinities."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth_for_a_number(cls, value: Any, info: ValidationInfo) -> Any:
+        if isinstance(value, bool) and cls.model_fields[str(info.field_name)].annotation is not bool:
+            raise ValueError(f"{str(value).lower()} is not allowed here")
+        return value
 
 
 Positive = Annotated[float, Field(gt=0)]

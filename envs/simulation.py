@@ -102,6 +102,8 @@ class NewtonSimulation:
             # A weld to hold the root still is never wanted here, and would cost six rows of every solve.
             kinematic_switchable_roots=False,
         )
+        # Dropped contacts are raised by `check_capacity`; lines printed from inside the solver would only repeat it.
+        self._solver.mjw_model.opt.warn_overflow = 0
         self._state = self.model.state()
         self._control = self.model.control()
         self._data = self._solver.mjw_data
@@ -109,7 +111,6 @@ class NewtonSimulation:
         self._make_views()
         self._make_sole_sensor()
         self._nominal_mass = self._per_world(self.model.body_mass).clone()
-        self._nominal_inertia = self._per_world(self.model.body_inertia).clone()
         self.hip_k = torch.full((num_worlds,), config.hip_k, device=self.device)
         self.ankle_k = torch.full((num_worlds,), config.ankle_k, device=self.device)
         self.load = torch.zeros(num_worlds, device=self.device)
@@ -206,16 +207,17 @@ class NewtonSimulation:
 
     def _advance(self) -> None:
         dt = self.config.control_dt / self.config.solver.substeps
-        for _ in range(self.config.solver.substeps):
-            self._solver.step(self._state, self._state, self._control, None, dt)
-            wp.launch(
-                _note_dropped,
-                dim=self.num_worlds,
-                inputs=[self._data.overflow, _DROPPED],
-                outputs=[self._dropped_wp],
-                device=self.model.device,
-            )
-        self._read_sensors()
+        # Some of MuJoCo Warp's functions launch on the default device, which need not be the model's.
+        with wp.ScopedDevice(self.model.device):
+            for _ in range(self.config.solver.substeps):
+                self._solver.step(self._state, self._state, self._control, None, dt)
+                wp.launch(
+                    _note_dropped,
+                    dim=self.num_worlds,
+                    inputs=[self._data.overflow, _DROPPED],
+                    outputs=[self._dropped_wp],
+                )
+            self._read_sensors()
 
     def _read_sensors(self) -> None:
         self._sole_force_wp.zero_()

@@ -21,7 +21,7 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 from pydantic import BaseModel
 
 from posture import run_dir
-from posture.config import ConfigError, read
+from posture.config import ConfigError, check_device, read
 from posture.sweep import expand_ranges, override_slug
 
 CONF = Path(__file__).resolve().parent.parent / "conf"
@@ -38,13 +38,14 @@ def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> 
 
     def job(composed: DictConfig) -> None:
         try:
-            task(read(kind, plain(composed)), Path(HydraConfig.get().runtime.output_dir))
+            config = read(kind, plain(composed))
+            task(config, Path(HydraConfig.get().runtime.output_dir))
         except ConfigError as error:
             _refuse(error)  # here, since Hydra would add lines of its own
 
     try:
         sys.argv[1:] = _expanded(sys.argv[1:])
-        _check_jobs(name, kind, sys.argv[1:])
+        sys.argv[1:] = _check_jobs(name, kind, sys.argv[1:])
         hydra.main(version_base="1.3", config_path=str(CONF), config_name=name)(job)()
     except (ConfigError, HydraException, OmegaConfBaseException) as error:
         _refuse(error)
@@ -65,6 +66,8 @@ def overridden_keys() -> set[str]:
 def one_line(error: Exception) -> str:
     """An error's message without line breaks and without what Hydra and OmegaConf add for their own developers."""
     cause = error.__cause__
+    if isinstance(cause, ConfigError):  # raised while a folder's name was resolved
+        return str(cause)
     if isinstance(cause, (ConfigAttributeError, ConfigKeyError)) and cause.parent_node is not None:
         return f"{cause.full_key}: no such key; allowed there are {', '.join(map(str, cause.parent_node))}"
     text = re.sub(
@@ -85,16 +88,29 @@ def _expanded(argv: list[str]) -> list[str]:
         raise ConfigError(str(error)) from None
 
 
-def _check_jobs(name: str, kind: type[BaseModel], argv: list[str]) -> None:
+def _check_jobs(name: str, kind: type[BaseModel], argv: list[str]) -> list[str]:
+    """Check every job; the arguments with which Hydra is to be called."""
     flags = {argument.split("=", 1)[0] for argument in argv if argument.startswith("-")}
     if flags - {"-m", "--multirun"}:
-        return  # --help, --cfg and the like run no job
+        return argv  # --help, --cfg and the like run no job
     overrides = [argument for argument in argv if not argument.startswith("-")]
+    parsed = OverridesParser.create().parse_overrides(overrides)
+    fixed: list[str] = []
     with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
         if flags:
-            parsed = OverridesParser.create().parse_overrides(overrides)
             jobs = [list(job) for batch in BasicSweeper.split_arguments(parsed, None) for job in batch]
+            fixed = [o.get_key_element().lstrip("+~") for o in parsed if not o.is_sweep_override()]
         else:
             jobs = [overrides]
         for job in jobs:
-            read(kind, plain(hydra.compose(name, job)))
+            try:
+                composed = hydra.compose(name, job)
+            except ValueError as error:  # what Hydra raises for a group that is given no name
+                raise ConfigError(str(error)) from None
+            config = read(kind, plain(composed))
+            check_device(getattr(config, "device", "cpu"))
+            if flags and getattr(config, "resume", None) is not None:
+                raise ConfigError("resume goes on with one run: not together with -m")
+    # A job's folder is named by what is swept, not by what all jobs share.
+    names = [key for key in fixed if not key.startswith("hydra")]
+    return [*argv, f"hydra.job.config.override_dirname.exclude_keys=[{','.join(names)}]"] if flags else argv

@@ -3,6 +3,7 @@
 Bad input becomes a `ConfigError` whose message is one line: what was wrong and what is allowed.
 """
 
+import re
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -55,6 +56,12 @@ class DistributionConfig(Strict):
     std_range: tuple[Positive, Positive]
     std_type: Literal["log", "scalar"]
 
+    @model_validator(mode="after")
+    def _ordered(self) -> "DistributionConfig":
+        if not self.std_range[0] <= self.init_std <= self.std_range[1]:
+            raise ValueError(f"init_std = {self.init_std:g} must lie within std_range {list(self.std_range)}")
+        return self
+
 
 class CriticConfig(Strict):
     """rsl-rl's MLPModel."""
@@ -85,17 +92,11 @@ class AgentConfig(Strict):
 class EvaluationConfig(Strict):
     """How a policy is evaluated; units and sources in conf/evaluation/."""
 
-    freq: Annotated[tuple[Freq, ...], Field(min_length=1, max_length=10_000)]
+    freq: Annotated[tuple[Freq, ...], Field(min_length=1, max_length=500)]
     duration: Positive
     transient: NonNegative
     tolerance: Positive
     still_joint_deg: Positive
-
-    @model_validator(mode="after")
-    def _something_is_left(self) -> "EvaluationConfig":
-        if self.transient >= self.duration:
-            raise ValueError(f"transient: {self.transient:g} s leaves nothing of a trial of {self.duration:g} s")
-        return self
 
 
 class TrainConfig(Strict):
@@ -113,7 +114,7 @@ class TrainConfig(Strict):
 
     @model_validator(mode="after")
     def _consistent(self) -> "TrainConfig":
-        check_device(self.device)
+        check_trial(self.evaluation, self.env)
         known = set(self.env.observations)
         unknown = sorted(known - set(GROUPS))
         if unknown:
@@ -143,20 +144,29 @@ class EnvChanges(Strict):
     amplitude: Positive | None
 
 
+class LqrConfig(Strict):
+    """The model-based controller (posture/lqr.py), and the environment that it acts in before `EnvChanges`."""
+
+    env: EnvConfig
+    angle: Positive
+    velocity: Positive
+    torque: Positive
+    fade_in: Positive
+    foot_margin: NonNegative
+    tolerance_margin: NonNegative
+
+
 class EvalConfig(Strict):
     """Everything that `posture.eval` is told."""
 
+    policy: Literal["trained", "lqr"]
+    lqr: LqrConfig
     ckpt: str
     device: str
     out: str | None
     env: EnvChanges
     evaluation: EvaluationConfig
     paper: dict[str, Any]
-
-    @model_validator(mode="after")
-    def _consistent(self) -> "EvalConfig":
-        check_device(self.device)
-        return self
 
 
 Config = TypeVar("Config", bound=BaseModel)
@@ -171,17 +181,25 @@ def read(kind: type[Config], values: Mapping[str, Any], where: str = "") -> Conf
 
 
 def check_device(device: str) -> None:
-    """Raise ValueError unless torch can compute on `device`."""
-    kind, _, index = device.partition(":")
-    if kind not in ("cpu", "cuda") or (index and not index.isdigit()) or device == "cpu:":
-        raise ValueError(f"device: '{device}' is not known; allowed are cpu, cuda, cuda:0, cuda:1, ...")
-    if kind == "cuda":
-        if not torch.cuda.is_available():
-            raise ValueError(
-                f"device: '{device}' asks for CUDA, but torch {torch.__version__} finds no CUDA device; use cpu"
-            )
-        if index and int(index) >= torch.cuda.device_count():
-            raise ValueError(f"device: '{device}' does not exist; this machine has {torch.cuda.device_count()} CUDA devices")
+    """Raise ConfigError unless torch can compute on `device` here."""
+    if not re.fullmatch(r"cpu|cuda(:\d+)?", device):
+        raise ConfigError(f"device: '{device}' is not known; allowed are cpu, cuda, cuda:0, cuda:1, ...")
+    if device == "cpu":
+        return
+    if not torch.cuda.is_available():
+        raise ConfigError(f"device: '{device}' asks for CUDA, but torch {torch.__version__} finds no CUDA device; use cpu")
+    if int(device.partition(":")[2] or 0) >= torch.cuda.device_count():
+        raise ConfigError(f"device: '{device}' does not exist; this machine has {torch.cuda.device_count()} CUDA devices")
+
+
+def check_trial(evaluation: EvaluationConfig, env: EnvConfig) -> None:
+    """Raise ValueError unless a trial lasts for two control steps or more after its transient."""
+    steps = round(evaluation.duration / env.control_dt)
+    if (steps - 1) * env.control_dt < evaluation.transient:
+        raise ValueError(
+            f"evaluation.transient: {evaluation.transient:g} s leaves nothing of a trial of {evaluation.duration:g} s in "
+            f"control steps of {env.control_dt:g} s"
+        )
 
 
 _UNION_BRANCHES = {"float", "int", "Schedule", "Ramp", "tuple", "constrained-float"}

@@ -1,39 +1,63 @@
 """Evaluate a trained policy: the paper's indices, table and figures.
 
 python -m posture.eval                                   # the latest run
-python -m posture.eval ckpt=runs/<run>/model_250.pt
+python -m posture.eval ckpt=runs/<run>/model_100.pt
 python -m posture.eval ckpt=runs/<sweep>                 # every run of a sweep, and one table
 python -m posture.eval ckpt=runs/<run> env.load=2
+python -m posture.eval policy=lqr                        # the model-based controller, no checkpoint
 """
 
 from pathlib import Path
 
+from envs.config import Schedule
 from posture import cli, run_dir
-from posture.config import EvalConfig
+from posture.config import EnvChanges, EvalConfig
 from posture.coordination import Row, write_csv
+from posture.sweep import override_slug
 
 
 def evaluate_all(config: EvalConfig, _folder: Path) -> None:
     """Evaluate every checkpoint that `ckpt` means, each into its own folder; of a sweep also one table of all."""
+    # Only now, so that bad input is answered before physics takes seconds to import.
+    out = None if config.out is None else run_dir.writable(Path(config.out))
+    if config.policy == "lqr":
+        from posture.evaluation import evaluate_lqr
+
+        folder = out or Path(run_dir.folder_for(str(run_dir.RUNS), None)) / "evaluation"
+        evaluate_lqr(config.lqr, config.evaluation, config.env, config.paper, config.device, folder)
+        return
     models = run_dir.find_checkpoints(config.ckpt)
     runs = [run_dir.read_config(model.parent) for model in models]
-    out = run_dir.output_folder(config.out)
-    # Only now, so that bad input is answered before physics takes seconds to import.
     from posture.evaluation import evaluate
 
     everything: list[Row] = []
     for model, run in zip(models, runs, strict=True):
-        folder = model.parent / "evaluation" if out is None else out
-        if out is not None and len(models) > 1:
-            folder = out / model.parent.name
+        folder = model.parent / folder_name(model, config.env) if out is None else out
         if len(models) > 1:
             print(f"== {model.parent.name}")
+            folder = folder if out is None else out / model.parent.name
         rows = evaluate(model, run, config.evaluation, config.env, config.device, folder)
-        everything += [{"run": model.parent.name, **row} for row in rows]
+        weight = run.env.energy_weight
+        condition = {
+            "run": model.parent.name,
+            "seed": run.seed,
+            "energy_weight": weight.end if isinstance(weight, Schedule) else weight,
+            "amplitude_m": config.env.amplitude or run.env.amplitude,
+        }
+        everything += [condition | row for row in rows]
     if len(models) > 1:
         table = (Path(config.ckpt) if out is None else out) / "metrics.csv"
         write_csv(everything, table)
         print(f"all runs: {table}")
+
+
+def folder_name(model: Path, changes: EnvChanges) -> str:
+    """`evaluation` for a run's newest checkpoint as trained; other checkpoints and changed subjects have folders of their
+    own."""
+    changed = {key: value for key, value in changes.model_dump().items() if value is not None}
+    parts = [] if model == run_dir.newest_model(model.parent) else [model.stem]
+    parts += [f"{key}={value:g}" for key, value in changed.items()]
+    return f"evaluation_{override_slug(','.join(parts))}" if parts else "evaluation"
 
 
 if __name__ == "__main__":

@@ -10,11 +10,15 @@ from envs.config import EnvConfig
 from envs.head_tracking import HeadTrackingEnv
 from posture import run_dir
 from posture.atomic import replacing
-from posture.config import ConfigError, EnvChanges, EvaluationConfig, TrainConfig
+from posture.config import ConfigError, EnvChanges, EvaluationConfig, LqrConfig, TrainConfig, check_trial
 from posture.coordination import Row, indices, write_csv
 from posture.figures import draw_all
+from posture.lqr import LqrController, plan
+from posture.prediction import predict
+from posture.program import InfeasibleError
 from posture.progress import preparing
 from posture.rollout import Policy, rollout
+from posture.stander import linearise, segments
 from posture.table import evaluation_table, markdown_table
 
 AS_TRAINED = EnvChanges(hip_k=None, ankle_k=None, load=None, amplitude=None)
@@ -31,15 +35,50 @@ def evaluate_run(run: Path, config: TrainConfig) -> list[Row]:
 def evaluate(
     model: Path, run: TrainConfig, evaluation: EvaluationConfig, changes: EnvChanges, device: str, out: Path
 ) -> list[Row]:
-    """Roll out the policy of checkpoint `model` at every frequency of `evaluation`, in one batch, and write to `out`:
-    trajectories.npz, metrics.csv, table.md and the figures. Prints the table and what was written. Returns the rows of
-    metrics.csv."""
+    """Evaluate the deterministic policy of checkpoint `model` of a run; see `analyse`."""
     content = run_dir.load(model, device)
+    run_dir.writable(out)
     with preparing():
         env = HeadTrackingEnv(trial_config(run.env, evaluation, changes), run.seed, device)
         policy = load_policy(content, env, run, model)
         env.warm_up()
-    freq = torch.tensor(evaluation.freq, dtype=torch.float32, device=env.sim.device)
+    about = {"policy": str(model), "seed": run.seed}
+    return analyse(env, policy, evaluation, run.paper, run_dir.writable(out), about)
+
+
+def evaluate_lqr(
+    config: LqrConfig, evaluation: EvaluationConfig, changes: EnvChanges, paper: dict[str, Any], device: str, out: Path
+) -> list[Row]:
+    """Evaluate the model-based controller; see `analyse`. Raises ConfigError where its motion cannot be planned."""
+    trial = trial_config(config.env, evaluation, changes)
+    stander = linearise(segments(trial), trial)
+    try:
+        motions = [plan(stander, freq, trial.amplitude, evaluation.tolerance, config) for freq in evaluation.freq]
+    except InfeasibleError as error:
+        raise ConfigError(str(error)) from None
+    run_dir.writable(out)
+    with preparing():
+        env = HeadTrackingEnv(trial, 0, device)
+        env.warm_up()
+    controller = LqrController(env, motions, config, evaluation.duration)
+    about = {"policy": "lqr", "lqr": config.model_dump(mode="json", exclude={"env"})}
+    return analyse(env, controller, evaluation, paper, out, about)
+
+
+def analyse(
+    env: HeadTrackingEnv,
+    policy: Policy,
+    evaluation: EvaluationConfig,
+    paper: dict[str, Any],
+    out: Path,
+    about: dict[str, Any],
+) -> list[Row]:
+    """Roll out `policy` at every frequency of `evaluation`, in one batch, and write to the folder `out`: trajectories.npz,
+    metrics.csv, table.md, the figures, and trial.yaml, which says what was evaluated: `about` and the conditions.
+
+    Prints the table and what was written. Returns the rows of metrics.csv.
+    """
+    freq = torch.tensor(evaluation.freq, dtype=torch.float64)
     trajectory = rollout(env, policy, freq, evaluation.duration)
     rows = indices(
         trajectory,
@@ -47,18 +86,39 @@ def evaluate(
         tolerance_m=evaluation.tolerance,
         still_joint_deg=evaluation.still_joint_deg,
     )
+    rows = beside_theory(rows, env.config, evaluation)
     shape = env.sim.geometry
-    out.mkdir(parents=True, exist_ok=True)
+    conditions = {"evaluation": evaluation.model_dump(mode="json"), "env": env.cfg}
+    run_dir.write_yaml(out / "trial.yaml", about | conditions)
     trajectory.save(out / "trajectories.npz")
     write_csv(rows, out / "metrics.csv")
-    paper = published(run.paper, env.config)
+    comparable = published(paper, env.config)
     with replacing(out / "table.md") as temporary:
-        temporary.write_text(markdown_table(rows, paper) + "\n", encoding="utf-8")
-    draw_all(trajectory, rows, paper, out, (shape.heel_x, shape.toe_x))
-    print(evaluation_table(rows, paper))
-    for path in sorted(out.iterdir()):
+        temporary.write_text(markdown_table(rows, comparable) + "\n", encoding="utf-8")
+    figures = draw_all(trajectory, rows, comparable, out, (shape.heel_x, shape.toe_x))
+    print(evaluation_table(rows, comparable))
+    for path in (*(out / name for name in ("metrics.csv", "table.md", "trajectories.npz", "trial.yaml")), *figures):
         print(path)
     return rows
+
+
+def beside_theory(rows: list[Row], env: EnvConfig, evaluation: EvaluationConfig) -> list[Row]:
+    """`rows` with the columns least_* of the torque-optimal stander under the same conditions, the end of the foot at which
+    its centre of pressure binds, and cost_ratio, the cost over the least cost.
+
+    The bound is that of the linear model with flat feet and the head within the tolerance: a ratio below one means something
+    only beside `beyond_tolerance_share` and `foot_not_flat_share`.
+    """
+    if evaluation.tolerance >= env.amplitude:
+        return rows  # to stand still is then good enough, and there is no motion to compare with
+    body = segments(env)
+    joined = []
+    for row in rows:
+        theory = predict(body, env, row["freq_hz"], evaluation.tolerance, evaluation.duration)
+        least = {name: value for name, value in theory.items() if name.startswith("least_")}
+        ratio = row["cost"] / theory["least_cost"]
+        joined.append({**row, "cost_ratio": ratio, "cop_binds": theory["cop_binds"], **least})
+    return joined
 
 
 def published(paper: dict[str, Any], env: EnvConfig) -> dict[str, Any]:
@@ -71,7 +131,14 @@ def published(paper: dict[str, Any], env: EnvConfig) -> dict[str, Any]:
 
 
 def trial_config(env: EnvConfig, evaluation: EvaluationConfig, changes: EnvChanges) -> EnvConfig:
-    """The run's environment for a trial: a world a frequency, and nothing but a fall or its duration ends it."""
+    """The run's environment for a trial: a world a frequency, and nothing but a fall or its duration ends it.
+
+    Raises ConfigError where the trial is too short for its transient.
+    """
+    try:
+        check_trial(evaluation, env)
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
     values = env.model_dump()
     values.update({key: value for key, value in changes.model_dump().items() if value is not None})
     values["num_envs"] = len(evaluation.freq)

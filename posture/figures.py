@@ -126,6 +126,7 @@ def fig_coordination(trajectory: Trajectory, rows: Sequence[Row], paper: Paper, 
                 # A world without a mode stands at zero as an open circle rather than vanish.
                 fill = "none" if name == "undefined" else colour
                 upper.plot(f, np.nan_to_num(r), "o", color=colour, mfc=fill, label=f"ours, {name}")
+        _theory(upper, rows, "least_hip_ankle_r", color="black", label="torque-optimal")
         upper.axhline(0, color="black", lw=0.8)
         upper.set(ylim=(-1.08, 1.08), ylabel="hip-ankle correlation r")
         _line(lower, rows, "relative_phase_deg", marker="s", color="black", label="by maxima (paper's, doubled)")
@@ -199,11 +200,19 @@ def fig_ranges(trajectory: Trajectory, rows: Sequence[Row], paper: Paper, path: 
         for ax, column in ((upper, "{}_range_deg"), (lower, "{}_torque_range_nm")):
             _line(ax, rows, column.format("hip"), marker="o", color=HIP_COLOUR, label="hip")
             _line(ax, rows, column.format("ankle"), marker="s", ls="--", color=ANKLE_COLOUR, label="ankle")
+            for joint, colour in (("hip", HIP_COLOUR), ("ankle", ANKLE_COLOUR)):
+                _theory(ax, rows, f"least_{column.format(joint)}", color=colour, label=f"{joint}, torque-optimal")
             ax.set_ylim(bottom=0)
         _mark_falls((upper, lower), rows)
         upper.set_ylabel("angle, peak-to-peak [deg]")
         lower.set(ylabel="torque, peak-to-peak\n[Nm per joint]", xlabel="target frequency [Hz]")
         fig.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=2)
+
+
+def _theory(ax: Axes, rows: Sequence[Row], column: str, **style: Any) -> None:
+    """A column of the torque-optimal stander as a thin dotted line; nothing where the rows have none."""
+    if all(column in row for row in rows):
+        _line(ax, rows, column, ls=":", lw=1.5, **style)
 
 
 def fig_tracking(trajectory: Trajectory, rows: Sequence[Row], paper: Paper, path: Path) -> None:

@@ -24,10 +24,14 @@ class Learner(OnPolicyRunner):
 
     env: HeadTrackingEnv
     logger: Logger
+    current_learning_iteration: int
 
     def __init__(self, env: HeadTrackingEnv, agent: AgentConfig, folder: Path, device: str) -> None:
         config = agent.model_dump(mode="json")
         config["logger"] = "tensorboard"
+        # rsl-rl would save after iterations 1, 51, 101, ...; `save` is asked every time and keeps 50, 100, ... and the last.
+        config["save_interval"] = 1
+        self._save_interval, self._last = agent.save_interval, 0
         with contextlib.redirect_stdout(io.StringIO()):  # rsl-rl prints its networks
             super().__init__(env, config, log_dir=str(folder), device=device)
         stock = self.logger
@@ -45,11 +49,15 @@ class Learner(OnPolicyRunner):
 
     def train(self, total_iterations: int) -> None:
         """Learn until `total_iterations` iterations are done, those before a resume included."""
+        self._last = total_iterations
         self.learn(total_iterations - self.current_learning_iteration)
+        self.current_learning_iteration = total_iterations  # rsl-rl leaves the index of the last one
 
     def save(self, path: str, infos: dict[str, Any] | None = None) -> None:
-        """Save model_<iterations done>.pt, and resume.pt with what else an exact resume needs."""
+        """Save model_<iterations done>.pt, and resume.pt with what else an exact resume needs, if it is time to."""
         done = self.current_learning_iteration + 1
+        if done % self._save_interval and done != self._last:
+            return
         content = self.alg.save()
         content["iter"] = done
         content["infos"] = infos
@@ -79,7 +87,7 @@ class Learner(OnPolicyRunner):
             torch.set_rng_state(state["rng"].cpu())
             if torch.device(self.device).type == "cuda":
                 torch.cuda.set_rng_state(state["cuda_rng"].cpu(), self.device)
-        except (KeyError, RuntimeError, TypeError, AttributeError) as error:
+        except (KeyError, RuntimeError, TypeError, AttributeError, ValueError) as error:
             reason = " ".join(str(error).split())[:200]
             raise ConfigError(f"{self.folder / 'resume.pt'}: does not fit this run's configuration ({reason})") from None
 

@@ -1,5 +1,6 @@
 """Shows how a training goes: one live line on a terminal, a plain line now and then elsewhere."""
 
+import shutil
 import sys
 import threading
 import time
@@ -52,6 +53,8 @@ class Progress:
         final = status.iteration >= status.total
         line = str(status)
         if self._live:
+            # A line that wraps could not be overwritten.
+            line = line[: shutil.get_terminal_size().columns - 1]
             print("\r" + line.ljust(self._width), end="\n" if final else "", flush=True)
             self._width = len(line)
         elif final or time.monotonic() - self._last >= PLAIN_EVERY_S:

@@ -28,6 +28,9 @@ def rollout(env: HeadTrackingEnv, policy: Policy, freq: torch.Tensor | None, dur
     if freq is not None:
         env.follow(freq)
     observation = env.reset_all()
+    followed = env.freq if freq is None else freq
+    if freq is None and env.config.ramp is not None:
+        followed = torch.full_like(env.freq, torch.nan)
     fall_step = torch.full((env.num_envs,), -1, dtype=torch.long, device=env.sim.device)
     records: dict[str, list[torch.Tensor]] = {name: [] for name in _SIGNALS}
     with torch.inference_mode():
@@ -46,7 +49,7 @@ def rollout(env: HeadTrackingEnv, policy: Policy, freq: torch.Tensor | None, dur
     flat = arrays.pop("foot_flat") == 1.0
     return Trajectory(
         time=env.config.control_dt * np.arange(1, steps + 1, dtype=np.float64),
-        freq=np.full(env.num_envs, np.nan) if freq is None else freq.double().cpu().numpy(),
+        freq=followed.double().cpu().numpy(),
         hip_k=env.sim.hip_k.double().cpu().numpy(),
         ankle_k=env.sim.ankle_k.double().cpu().numpy(),
         load=env.sim.load.double().cpu().numpy(),

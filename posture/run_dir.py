@@ -3,7 +3,7 @@
 A run folder explains itself:
 
     config.yaml       the resolved configuration: evaluation rebuilds the environment from it
-    provenance.yaml   command, versions, git commit, start time
+    provenance.yaml   command, versions, git commit and start time, of the start and of each time it was resumed
     model_<n>.pt      policy, value function and optimiser after n iterations (rsl-rl's own format)
     resume.pt         what else an exact resume needs, as of the newest model
     events.out.*      TensorBoard
@@ -12,10 +12,12 @@ A run folder explains itself:
 
 import datetime
 import importlib.metadata
+import os
 import platform
 import re
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -30,23 +32,15 @@ PACKAGES = ("posture", "newton", "warp-lang", "mujoco", "mujoco-warp", "rsl-rl-l
 
 
 def folder_for(parent: str, resume: str | None) -> str:
-    """Folder of the run that is about to start: that of the run it resumes, or a new one under `parent`, named by the time.
+    """Folder of the run that is about to start: that of the run it resumes, or a new name under `parent`.
 
-    The folder is made here, so that two runs started in the same second cannot share one.
+    The name is the time and the process, so that two runs started in the same second do not share a folder.
     """
     if resume is not None:
         return str(find_run(resume))
-    stamp = datetime.datetime.now().strftime("%Y-%m-%d_%H-%M-%S")
-    for number in range(1, 1000):
-        folder = Path(parent) / (stamp if number == 1 else f"{stamp}_{number}")
-        try:
-            folder.mkdir(parents=True, exist_ok=False)
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise ConfigError(f"cannot make the run's folder {folder}: {error.strerror}") from None
-        return str(folder)
-    raise ConfigError(f"a thousand runs were started under {parent} in this second")
+    name = f"{datetime.datetime.now():%Y-%m-%d_%H-%M-%S}_{os.getpid()}"
+    taken = sum(1 for path in Path(parent).glob(f"{name}*"))
+    return str(Path(parent) / (f"{name}_{taken + 1}" if taken else name))
 
 
 def is_run(folder: Path) -> bool:
@@ -98,6 +92,9 @@ def find_checkpoints(name: str) -> list[Path]:
     found = [newest_model(run) for run in runs]
     if not any(found):
         raise ConfigError(f"{name}: no checkpoint (model_<n>.pt) in it yet")
+    for run, model in zip(runs, found, strict=True):
+        if model is None:
+            print(f"left out: {run} has no checkpoint yet")
     return [model for model in found if model is not None]
 
 
@@ -125,10 +122,11 @@ def read_config(run: Path) -> TrainConfig:
 
 
 def write_config(run: Path, config: TrainConfig) -> None:
-    """Keep the resolved configuration, and the versions, commit and command that go with it."""
-    _write_yaml(run / "config.yaml", config.model_dump(mode="json"))
-    _write_yaml(
-        run / "provenance.yaml",
+    """Keep the resolved configuration, and add the versions, commit and command of this start to its provenance."""
+    write_yaml(run / "config.yaml", config.model_dump(mode="json"))
+    path = run / "provenance.yaml"
+    starts = yaml.safe_load(path.read_text(encoding="utf-8")) if path.exists() else []
+    starts.append(
         {
             "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
             "started": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
@@ -136,19 +134,25 @@ def write_config(run: Path, config: TrainConfig) -> None:
             "python": platform.python_version(),
             "platform": platform.platform(),
             "versions": {name: importlib.metadata.version(name) for name in PACKAGES},
-        },
+        }
     )
+    write_yaml(path, starts)
 
 
-def output_folder(name: str | None) -> Path | None:
-    """The folder `name`, made if need be; None for None. Raises ConfigError where it cannot be written."""
-    if name is None:
-        return None
-    folder = Path(name)
+def write_yaml(path: Path, values: Any) -> None:
+    """Write plain values as YAML, whole or not at all."""
+    with replacing(path) as temporary:
+        temporary.write_text(yaml.safe_dump(values, sort_keys=False, allow_unicode=True), encoding="utf-8")
+
+
+def writable(folder: Path) -> Path:
+    """`folder`, made if need be. Raises ConfigError where nothing can be written to it, before anything was computed."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
     except OSError as error:
-        raise ConfigError(f"out: cannot make the folder {folder}: {error.strerror}") from None
+        raise ConfigError(f"cannot write to the folder {folder}: {error.strerror}") from None
     return folder
 
 
@@ -169,11 +173,6 @@ def load(path: Path, device: str) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise ConfigError(f"{path}: not a checkpoint of this project")
     return content
-
-
-def _write_yaml(path: Path, values: dict[str, Any]) -> None:
-    with replacing(path) as temporary:
-        temporary.write_text(yaml.safe_dump(values, sort_keys=False, allow_unicode=True), encoding="utf-8")
 
 
 def _git_commit() -> str | None:

@@ -1,7 +1,9 @@
 """The table of one evaluation, a line a world: for the terminal and for Markdown.
 
 `paper` is the content of conf/paper.yaml. Where a world's frequency is one of paper Table 3, the published
-values stand beside ours; pass None where the other conditions are not that table's.
+values stand beside ours; pass None where the other conditions are not that table's. Where the rows have the columns
+of the torque-optimal stander, cost over least cost and the optimum's correlation follow, with the shares of time in which
+the head is beyond the tolerance and a foot is not flat, since only where both are zero is the optimum a bound.
 """
 
 from __future__ import annotations
@@ -33,6 +35,12 @@ _OURS = {
     "energy_j": ("energy [J]", ".0f"),
     "cost": ("cost", ".4f"),
 }
+_THEORY = {
+    "cost_ratio": ("cost/least", ".2f"),
+    "least_hip_ankle_r": ("least's r", ".3f"),
+    "beyond_tolerance_share": ("beyond tolerance", ".3f"),
+    "foot_not_flat_share": ("not flat", ".3f"),
+}
 _NOTHING = "-"
 
 
@@ -59,10 +67,11 @@ def _cells(rows: Sequence[Row], paper: Paper) -> list[list[str]]:
     }
     published = [_published(row["freq_hz"], paper) for row in rows]
     beside = any(published)
+    ours = {**_OURS, **(_THEORY if any("cost_ratio" in row for row in rows) else {})}
     heading = [title for title, _ in conditions.values()]
     for title, _ in _PUBLISHED.values():
         heading += [title, "paper"] if beside else [title]
-    lines = [heading + [title for title, _ in _OURS.values()]]
+    lines = [heading + [title for title, _ in ours.values()]]
     for row, theirs in zip(rows, published, strict=True):
         line = ["ramp" if math.isnan(row["freq_hz"]) else _cell(row, "freq_hz", "g")]
         line += [_cell(row, name, spec) for name, (_, spec) in conditions.items() if name != "freq_hz"]
@@ -70,7 +79,7 @@ def _cells(rows: Sequence[Row], paper: Paper) -> list[list[str]]:
             line.append(_fate(row) if name == "mode" else _cell(row, name, spec))
             if beside:
                 line.append(_cell(theirs, name, spec))
-        lines.append(line + [_cell(row, name, spec) for name, (_, spec) in _OURS.items()])
+        lines.append(line + [_cell(row, name, spec) for name, (_, spec) in ours.items()])
     return lines
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import torch
 
 from posture import cli, run_dir
-from posture.config import ConfigError, TrainConfig
+from posture.config import ConfigError, TrainConfig, check_device
 from posture.progress import preparing
 
 RESUME_KEYS = {"resume", "max_iterations", "device", "evaluate"}
@@ -27,13 +27,16 @@ def train(config: TrainConfig, folder: Path) -> None:
     from posture.learner import Learner
 
     torch.manual_seed(config.seed)
-    run_dir.write_config(folder, config)
+    run_dir.writable(folder)
+    if config.resume is None:
+        run_dir.write_config(folder, config)
     with preparing():
         env = HeadTrackingEnv(config.env, config.seed, config.device)
         learner = Learner(env, config.agent, folder, config.device)
         env.warm_up()
         if config.resume is not None:
             learner.resume()
+            run_dir.write_config(folder, config)  # only now that it is known to fit
     learner.train(config.max_iterations)
     if config.evaluate:
         evaluate_run(folder, config)
@@ -51,13 +54,12 @@ def _resumed(config: TrainConfig, folder: Path) -> TrainConfig:
     own = run_dir.read_config(folder)
     news = {key: getattr(config, key) for key in changed}
     merged = own.model_copy(update=news)
-    done = run_dir.newest_model(folder)
-    if done is None:
-        raise ConfigError(f"{folder}: no checkpoint to go on from")
-    if merged.max_iterations <= run_dir.iteration_of(done):
+    check_device(merged.device)
+    done = run_dir.load(folder / "resume.pt", "cpu").get("iteration", 0)
+    if merged.max_iterations <= done:
         raise ConfigError(
-            f"max_iterations = {merged.max_iterations}: {folder} has already done {run_dir.iteration_of(done)}; "
-            "it is a total, so give a larger one"
+            f"max_iterations = {merged.max_iterations}: {folder} has already done {done}; it is a total, so give a larger "
+            "one"
         )
     return merged
 

@@ -8,13 +8,19 @@ import torch
 
 from envs.config import EnvConfig
 from posture.cli import CONF, plain
-from posture.config import TrainConfig, read
+from posture.config import EvalConfig, TrainConfig, read
 
 
 def compose(*overrides: str) -> TrainConfig:
     """The checked training configuration that these overrides give."""
     with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
         return read(TrainConfig, plain(hydra.compose("train", list(overrides))))
+
+
+def compose_eval(*overrides: str) -> EvalConfig:
+    """The checked evaluation configuration that these overrides give."""
+    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+        return read(EvalConfig, plain(hydra.compose("eval", list(overrides))))
 
 
 @pytest.fixture(scope="session")

@@ -92,6 +92,12 @@ def runs():
         ("agent.actor.class_name=os.system", ["agent.actor.class_name", "MLPModel"]),
         ("env=papers", ["env/papers", "authors_code"]),
         ("device=cuda:77", ["device", "cuda"]),
+        ("device=cpu:0", ["device: 'cpu:0' is not known"]),
+        ("env.load=true", ["env.load", "true is not allowed here"]),
+        ("env=null", ["group override must be a string"]),
+        ("agent.actor.distribution_cfg.init_std=2", ["init_std = 2 must lie within std_range"]),
+        ("evaluation.duration=10.01", ["leaves nothing of a trial of 10.01 s"]),
+        ("-m resume=a,b", ["resume goes on with one run"]),
         ("device=tpu", ["device: 'tpu' is not known; allowed are cpu, cuda"]),
         ("max_iterations=0", ["max_iterations = 0"]),
         ("env.reward.alive={start: 1.0, end: -1.0, steps: 5}", ["both be positive or both negative"]),
@@ -110,7 +116,7 @@ def test_bad_input_to_train(monkeypatch, capsys, argument, expected):
     line = refused(monkeypatch, capsys, "train", *pieces)
     for part in expected:
         assert part in line
-    assert not [run for run in runs() if (run / "config.yaml").exists()]
+    assert runs() == []
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="this machine has CUDA")
@@ -156,7 +162,7 @@ def test_a_run_folder_explains_itself(trained):
     config = yaml.safe_load((trained / "config.yaml").read_text())
     assert config["env"]["num_envs"] == 8 and config["seed"] == 1
     provenance = yaml.safe_load((trained / "provenance.yaml").read_text())
-    assert provenance["versions"]["newton"] and "git_commit" in provenance
+    assert len(provenance) == 1 and provenance[0]["versions"]["newton"] and "git_commit" in provenance[0]
     assert not [path for path in trained.rglob("*.tmp")]
 
 
@@ -189,8 +195,12 @@ def test_eval_by_file_folder_and_latest_agree(trained, monkeypatch, capsys):
 
 def test_eval_may_change_the_subject(trained, monkeypatch):
     evaluation = [t for t in TINY if t.startswith("evaluation")]
-    call(monkeypatch, "eval", f"ckpt={trained}", "out=heavy", "env.load=4", "env.hip_k=60", *evaluation)
-    row = table(Path("heavy/metrics.csv"))[0]
+    before = (trained / "evaluation" / "metrics.csv").read_bytes()
+    call(monkeypatch, "eval", f"ckpt={trained}", "env.load=4", "env.hip_k=60", *evaluation)
+    folder = trained / "evaluation_hip_k-60_load-4"
+    row = table(folder / "metrics.csv")[0]
+    assert yaml.safe_load((folder / "trial.yaml").read_text())["env"]["load"] == 4.0
+    assert (trained / "evaluation" / "metrics.csv").read_bytes() == before
     assert float(row["load_kg"]) == 4.0 and float(row["hip_k_nm_per_rad"]) == 60.0
 
 
@@ -241,9 +251,27 @@ def test_resume_goes_on_exactly(monkeypatch, capsys):
     ours, theirs = (torch.load(path / "resume.pt", weights_only=True) for path in (run, other))
     assert same(ours["env"], theirs["env"]) and same(ours["rng"], theirs["rng"])
 
+    kept = {path: path.read_bytes() for path in run.glob("*.yaml")}
+    assert len(yaml.safe_load((run / "provenance.yaml").read_text())) == 2
     assert "it is a total" in refused(monkeypatch, capsys, "train", f"resume={run}", "max_iterations=4")
     line = refused(monkeypatch, capsys, "train", f"resume={run}", "max_iterations=5", "env.hip_k=50")
     assert "env.hip_k cannot be changed" in line
+    (run / "resume.pt").write_bytes(b"damaged")
+    assert "not a readable checkpoint" in refused(monkeypatch, capsys, "train", f"resume={run}", "max_iterations=6")
+    assert kept == {path: path.read_bytes() for path in run.glob("*.yaml")}
+
+
+def test_a_run_trained_elsewhere_can_be_evaluated_here(trained, monkeypatch, tmp_path):
+    """The device that a run was trained on need not exist where it is evaluated."""
+    config = yaml.safe_load((trained / "config.yaml").read_text())
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump(config | {"device": "cuda"}))
+    (tmp_path / "model_2.pt").write_bytes((trained / "model_2.pt").read_bytes())
+    call(monkeypatch, "eval", f"ckpt={tmp_path}", *(t for t in TINY if t.startswith("evaluation")))
+    assert (tmp_path / "evaluation" / "metrics.csv").exists()
+
+
+def test_an_unwritable_folder_is_said_before_anything_is_computed(trained, monkeypatch, capsys):
+    assert "cannot write to the folder /proc" in refused(monkeypatch, capsys, "eval", f"ckpt={trained}", "out=/proc")
 
 
 def test_a_sweep_makes_a_folder_a_job_and_eval_one_table(monkeypatch):
@@ -261,5 +289,15 @@ def test_a_sweep_makes_a_folder_a_job_and_eval_one_table(monkeypatch):
 
 
 def test_two_runs_of_the_same_second_do_not_share_a_folder():
-    folders = [run_dir.folder_for("runs", None) for _ in range(5)]
-    assert len(set(folders)) == 5 and all(Path(folder).is_dir() for folder in folders)
+    folders = []
+    for _ in range(5):
+        folders.append(run_dir.folder_for("runs", None))
+        Path(folders[-1]).mkdir(parents=True)
+    assert len(set(folders)) == 5
+    other = subprocess.run(
+        [sys.executable, "-c", "from posture import run_dir; print(run_dir.folder_for('runs', None))"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert other.stdout.strip() not in folders

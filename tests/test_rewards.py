@@ -84,13 +84,19 @@ def test_authors_reward_by_hand(env_config):
     assert joined(env_config("env=authors_code"), **SITUATION, ended=True) == pytest.approx(expected, rel=1e-5)
 
 
-def test_default_early_end_is_worth_less_than_any_step(env_config):
+def test_default_early_end_is_worth_less_than_a_step_at_two_fifths_of_the_torque_limit(env_config):
+    """With S = 4 at the end of the schedule, living pays 4 - 20 sum a^2 and ending -12: worth it up to sum a^2 = 0.8, which
+    is |a| = 0.447 on all four joints."""
     config = env_config()
-    worst = joined(config, head_error=0.2, foot=0.5, action=(1.0,) * 4, velocity=(10.0,) * 4)
-    start = rewards.weight(config.reward.ended, 0) * config.reward.scale
-    assert joined(config, **SITUATION, ended=True) == pytest.approx(start)
-    assert start < joined(config, **SITUATION)
-    assert math.isfinite(worst)
+    late = {
+        name: getattr(config.reward, name).end if isinstance(getattr(config.reward, name), Schedule) else None
+        for name in ("stay_weight", "target_weight", "ended")
+    }
+    final = config.model_copy(update={"reward": config.reward.model_copy(update=late)})
+    on_target = {"head_error": 0.0, "foot": 0.0, "velocity": (0.0,) * 4}
+    ended = joined(final, **on_target, action=(0.0,) * 4, ended=True)
+    assert ended == pytest.approx(0.03 * -12.0)
+    assert joined(final, **on_target, action=(0.44,) * 4) > ended > joined(final, **on_target, action=(0.45,) * 4)
 
 
 def test_energy_weight_scales_both_costs(env_config):

@@ -10,7 +10,7 @@ from posture.rollout import rollout
 from tests.conftest import compose
 
 RUN = compose("env.num_envs=64")
-EVALUATION = RUN.evaluation.model_copy(update={"freq": (0.2, 1.0, 1.5), "duration": 1.5})
+EVALUATION = RUN.evaluation.model_copy(update={"freq": (0.2, 1.0, 1.5), "duration": 1.5, "transient": 0.1})
 
 
 @pytest.fixture(scope="module")

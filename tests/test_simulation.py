@@ -194,6 +194,23 @@ def test_load_is_a_point_mass_at_the_centre_of_mass_of_the_hat(config):
     assert float(sim.sole_force[0, :, :, 2].sum()) == pytest.approx(42.154 * GRAVITY, rel=0.01)
 
 
+@pytest.mark.parametrize(("hip_k", "load"), [(125.0, 4.0), (50.0, 0.0)])
+def test_a_changed_subject_agrees_with_mujoco_c(config, hip_k, load):
+    """Stiffness and load set world by world give what the C solver gives with the same numbers."""
+    sim = simulation(config, height=-5e-4)
+    sim.set_subject(hip_k=torch.tensor([hip_k]), load=torch.tensor([load]))
+    reference = MujocoC(config.model_copy(update={"hip_k": hip_k}), height=-5e-4)
+    reference.model.body("hat").mass[0] += load
+    mujoco.mj_setConst(reference.model, reference.data)
+    reference.data.qpos[2] -= 5e-4  # setConst puts the reference pose back
+    for i in range(15):
+        hip, ankle = 20.0 * math.sin(i), -10.0
+        sim.step(torques((hip, ankle)))
+        reference.step([hip, ankle] * 2, config.solver.substeps)
+    assert sim.joint_angle[0].numpy() == pytest.approx(reference.data.qpos[reference.angles], abs=5e-6)
+    assert sim.sole_force[0, :, :, 2].sum() > 0.9 * (40.154 + load) * GRAVITY
+
+
 @pytest.mark.parametrize("bad", [torch.tensor([-1.0]), torch.tensor([math.nan]), torch.tensor([1.0, 2.0])])
 def test_impossible_subjects_are_refused(config, bad):
     with pytest.raises(ValueError, match="hip_k: expected 1 finite values"):

@@ -1,0 +1,98 @@
+"""The model-based controller: the torque-optimal motion fed forward, with linear-quadratic feedback around it.
+
+What a control engineer would do who knows the body: the least-cost motion of the linear stander (`posture.optimum.bound`)
+is planned beforehand for the frequency of each world, faded in from standing, and
+
+    tau = tau_ref(t + dt/2) - G (z - z_ref(t)),   z = (hip, ankle, their velocities),
+
+where tau_ref is the torque that the linear stander needs for the reference, and G the gain that minimises the sum over
+control steps of z' Q z + tau' R tau for the linear stander with torques held constant over a step. Q and R are diagonal, one
+over the square of the deviation that counts as much as any other (Bryson's rule); the deviations are in conf/.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import scipy.linalg
+import torch
+from tensordict import TensorDict
+
+from envs.body import ANKLES, HIPS
+from envs.head_tracking import HeadTrackingEnv
+from posture.config import LqrConfig
+from posture.motion import Motion
+from posture.optimum import bound
+from posture.stander import JOINTS_OF_A_KIND, Stander
+from posture.trajectory import Array
+
+
+def gain(stander: Stander, dt: float, config: LqrConfig) -> Array:
+    """Feedback gain G: torque of one joint [Nm] over deviation of (hip, ankle) [rad] and velocities [rad/s]. (2, 4)."""
+    inverse = np.linalg.inv(stander.mass)
+    still, one = np.zeros((2, 2)), np.eye(2)
+    drift = np.block([[still, one], [-inverse @ stander.stiffness, -inverse @ stander.damping]])
+    push = np.vstack([still, JOINTS_OF_A_KIND * inverse])
+    # Torques are held over a control step: the exponential of the joint system gives the exact discrete one.
+    step = scipy.linalg.expm(dt * np.block([[drift, push], [np.zeros((2, 6))]]))
+    a, b = step[:4, :4], step[:4, 4:]
+    q = np.diag([config.angle**-2] * 2 + [config.velocity**-2] * 2)
+    r = np.eye(2) * config.torque**-2
+    p = scipy.linalg.solve_discrete_are(a, b, q, r)
+    return np.asarray(np.linalg.solve(r + b.T @ p @ b, b.T @ p @ a))
+
+
+def plan(stander: Stander, freq: float, amplitude: float, tolerance: float, config: LqrConfig) -> Motion:
+    """The least-cost motion that leaves the configured margins of foot and tolerance [m] to feedback."""
+    shorter = replace(stander, heel_x=stander.heel_x + config.foot_margin, toe_x=stander.toe_x - config.foot_margin)
+    return bound(shorter, freq, amplitude, tolerance - config.tolerance_margin)
+
+
+def reference(motion: Motion, time: Array, fade_in: float) -> tuple[Array, Array, Array]:
+    """Angle [rad], velocity [rad/s] and torque of one joint [Nm] of `motion`, faded in from upright over `fade_in` [s].
+
+    time: (T,) [s]. Shapes (T, 2). The fade is the quintic with zero velocity and acceleration at both ends, and the torque
+    is what the linear stander needs for the faded motion.
+    """
+    x = np.clip(time / fade_in, 0.0, 1.0)[:, None]
+    share = x**3 * (10 - 15 * x + 6 * x**2)
+    slope = 30 * x**2 * (1 - x) ** 2 / fade_in
+    curve = 60 * x * (1 - x) * (1 - 2 * x) / fade_in**2
+    q, v, a = motion.angle(time), motion.velocity(time), motion.acceleration(time)
+    angle, velocity = share * q, slope * q + share * v
+    acceleration = curve * q + 2 * slope * v + share * a
+    plant = motion.stander
+    moment = acceleration @ plant.mass.T + velocity @ plant.damping.T + angle @ plant.stiffness.T + plant.offset
+    return angle, velocity, moment / JOINTS_OF_A_KIND
+
+
+class LqrController:
+    """A policy for `posture.rollout`: it reads the state of `env` itself, and returns normalised torques (N, 2)."""
+
+    def __init__(self, env: HeadTrackingEnv, motions: Sequence[Motion], config: LqrConfig, duration: float) -> None:
+        """`motions`[i] is what world i is to do, for `duration` [s] from the start of its episode."""
+        if len(motions) != env.num_envs:
+            raise ValueError(f"{len(motions)} motions for {env.num_envs} worlds")
+        dt = env.config.control_dt
+        time = dt * np.arange(round(duration / dt) + 1, dtype=np.float64)
+        states, torques = [], []
+        for motion in motions:
+            angle, velocity, _ = reference(motion, time, config.fade_in)
+            states.append(np.hstack([angle, velocity]))
+            torques.append(reference(motion, time + dt / 2, config.fade_in)[2])
+        self._env = env
+        self._state, self._torque = (
+            torch.tensor(np.stack(x), dtype=torch.float32, device=env.sim.device) for x in (states, torques)
+        )
+        gains = [gain(motion.stander, dt, config) for motion in motions]
+        self._gain = torch.tensor(np.stack(gains), dtype=torch.float32, device=env.sim.device)
+        self._worlds = torch.arange(env.num_envs, device=env.sim.device)
+
+    def __call__(self, _observation: TensorDict) -> torch.Tensor:
+        """Action of every world at the present moment of its episode."""
+        step = self._env.episode_length_buf.clamp(max=self._state.shape[1] - 1)
+        angle, velocity = self._env.sim.joint_angle, self._env.sim.joint_velocity
+        kinds = [x[:, kind].mean(-1) for x in (angle, velocity) for kind in (HIPS, ANKLES)]
+        deviation = torch.stack(kinds, dim=-1) - self._state[self._worlds, step]
+        torque = self._torque[self._worlds, step] - (self._gain @ deviation[..., None])[..., 0]
+        return torque / self._env.config.torque_limit

@@ -1,0 +1,74 @@
+"""Configuration of the theory's tables and map; values, units and sources in conf/theory.yaml."""
+
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from envs.config import EnvConfig, Freq, NonNegative, Positive, Strict
+from posture.config import EvaluationConfig
+
+
+class Experiment3(Strict):
+    """Hip stiffness swept at one frequency."""
+
+    freq: Freq
+    hip_k: Annotated[tuple[NonNegative, ...], Field(min_length=1, max_length=1000)]
+
+
+class Experiment4b(Strict):
+    """Load swept, from .. to, at one frequency."""
+
+    freq: Freq
+    load: tuple[NonNegative, NonNegative]
+    step: Positive
+
+
+class Figure13(Strict):
+    """Hip stiffness by frequency, from .. to."""
+
+    hip_k: Annotated[tuple[NonNegative, ...], Field(min_length=1, max_length=1000)]
+    freq: tuple[Freq, Freq]
+    step: Positive
+
+
+class Around(Strict):
+    """Values of each parameter at which the transition is computed, the others as configured; tolerances as large
+    as the amplitude are left out."""
+
+    ankle_k: tuple[NonNegative, ...]
+    load: tuple[NonNegative, ...]
+    tolerance: tuple[Positive, ...]
+
+
+class TheoryConfig(Strict):
+    """Everything that `posture.theory` is told."""
+
+    env: EnvConfig
+    evaluation: EvaluationConfig
+    tolerance: Positive | None
+    out: str | None
+    search: tuple[Freq, Freq]
+    experiment_3: Experiment3
+    experiment_4b: Experiment4b
+    figure_13: Figure13
+    around: Around
+    paper: dict[str, Any]
+
+    @property
+    def head_tolerance(self) -> float:
+        """[m] the head may be from its target; where that ends no episode, what evaluation counts as lost."""
+        return self.evaluation.tolerance if self.tolerance is None else self.tolerance
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "TheoryConfig":
+        if not self.search[0] < self.search[1]:
+            raise ValueError(f"search: a range goes from low to high, got {list(self.search)}")
+        for name, (low, high) in (("experiment_4b.load", self.experiment_4b.load), ("figure_13.freq", self.figure_13.freq)):
+            if not low <= high:
+                raise ValueError(f"{name}: a range goes from low to high, got {[low, high]}")
+        if self.head_tolerance >= self.env.amplitude:
+            raise ValueError(
+                f"tolerance: {self.head_tolerance:g} m leaves the head no motion to make; allowed is less than "
+                f"env.amplitude = {self.env.amplitude:g} m"
+            )
+        return self

@@ -1,0 +1,125 @@
+"""The model-based controller: its gain, its reference, and what it does in the full simulation."""
+
+import csv
+
+import numpy as np
+import pytest
+
+from envs.head_tracking import HeadTrackingEnv
+from posture.config import ConfigError, EvalConfig, read
+from posture.evaluation import AS_TRAINED, evaluate_lqr, trial_config
+from posture.lqr import LqrController, gain, plan, reference
+from posture.program import InfeasibleError
+from posture.stander import linearise, segments
+from tests.conftest import compose_eval
+
+EVAL: EvalConfig = compose_eval("evaluation.freq=[0.5,1.0]", "evaluation.duration=10.0", "evaluation.transient=4.0")
+LQR = EVAL.lqr
+
+
+@pytest.fixture(scope="module")
+def stander():
+    return linearise(segments(LQR.env), LQR.env)
+
+
+def test_upright_falls_alone_and_stands_with_the_feedback(stander):
+    """Eigenvalues of the sampled linear stander: one outside the unit circle without, all inside with feedback."""
+    dt, steps = LQR.env.control_dt, 2000
+    g = gain(stander, dt, LQR)
+    inverse = np.linalg.inv(stander.mass)
+
+    def after(z, torque):
+        # Fine explicit steps of M q'' = 2 tau - D q' - K q, independent of the matrix exponential in the code.
+        q, v = z[:2].copy(), z[2:].copy()
+        for _ in range(steps):
+            v += dt / steps * inverse @ (2 * torque - stander.damping @ v - stander.stiffness @ q)
+            q += dt / steps * v
+        return np.concatenate([q, v])
+
+    free = np.stack([after(z, np.zeros(2)) for z in np.eye(4)], axis=1)
+    held = np.stack([after(z, -g @ z) for z in np.eye(4)], axis=1)
+    assert abs(np.linalg.eigvals(free)).max() > 1.0
+    assert abs(np.linalg.eigvals(held)).max() < 1.0
+
+
+def test_gain_is_optimal(stander):
+    """No nearby gain has a lower quadratic cost from random starts."""
+    dt = LQR.env.control_dt
+    g = gain(stander, dt, LQR)
+    inverse = np.linalg.inv(stander.mass)
+
+    def cost(candidate):
+        total = 0.0
+        for start in np.random.default_rng(0).normal(size=(4, 4)) * [0.01, 0.01, 0.1, 0.1]:
+            q, v = start[:2].copy(), start[2:].copy()
+            for _ in range(400):
+                torque = -candidate @ np.concatenate([q, v])
+                total += (q @ q) / LQR.angle**2 + (v @ v) / LQR.velocity**2 + (torque @ torque) / LQR.torque**2
+                for _ in range(10):
+                    v += dt / 10 * inverse @ (2 * torque - stander.damping @ v - stander.stiffness @ q)
+                    q += dt / 10 * v
+        return total
+
+    best = cost(g)
+    for direction in np.eye(8).reshape(8, 2, 4):
+        for size in (-0.15, 0.15):
+            assert cost(g * (1 + size * direction)) > best
+
+
+def test_reference_starts_upright_and_becomes_the_motion(stander):
+    motion = plan(stander, 0.5, 0.1, 0.025, LQR)
+    time = np.linspace(0.0, 6.0, 6001)
+    angle, velocity, torque = reference(motion, time, 3.0)
+    assert angle[0].tolist() == [0.0, 0.0] and velocity[0].tolist() == [0.0, 0.0]
+    late = time >= 3.0
+    assert angle[late] == pytest.approx(motion.angle(time[late]), abs=1e-12)
+    assert torque[late] == pytest.approx(motion.torque(time[late]), abs=1e-9)
+    assert np.gradient(angle, time, axis=0)[1:-1] == pytest.approx(velocity[1:-1], abs=1e-4)
+    acceleration = np.gradient(velocity, time, axis=0)
+    moment = acceleration @ stander.mass.T + velocity @ stander.damping.T + angle @ stander.stiffness.T + stander.offset
+    assert torque[5:-5] == pytest.approx(moment[5:-5] / 2, abs=0.05)
+
+
+def test_it_stands_follows_and_costs_what_the_optimum_costs(tmp_path, capsys):
+    """In the full simulation, feet flat, within a tenth of the least cost, in phase at 0.5 Hz and anti-phase at 1 Hz."""
+    rows = evaluate_lqr(LQR, EVAL.evaluation, AS_TRAINED, EVAL.paper, "cpu", tmp_path)
+    assert [row["mode"] for row in rows] == ["in-phase", "anti-phase"]
+    for row in rows:
+        assert row["valid"] and row["foot_not_flat_share"] == 0.0
+        assert 0.9 < row["cost_ratio"] < 1.15
+        assert row["cost_ratio"] == pytest.approx(row["cost"] / row["least_cost"])
+        assert row["head_amplitude_m"] == pytest.approx(0.076, abs=0.004)
+    with (tmp_path / "metrics.csv").open(newline="") as file:
+        written = list(csv.DictReader(file))
+    assert [float(row["cost_ratio"]) for row in written] == pytest.approx([row["cost_ratio"] for row in rows], rel=1e-5)
+    assert {"trial.yaml", "table.md", "coordination.png"} <= {path.name for path in tmp_path.iterdir()}
+    assert "cost/least" in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_motion_for_every_world(stander):
+    env = HeadTrackingEnv(trial_config(LQR.env, EVAL.evaluation, AS_TRAINED), 0, "cpu")
+    with pytest.raises(ValueError, match="1 motions for 2 worlds"):
+        LqrController(env, [plan(stander, 0.5, 0.1, 0.025, LQR)], LQR, 1.0)
+
+
+def test_what_the_foot_cannot_bear_is_refused(stander, tmp_path):
+    with pytest.raises(InfeasibleError):
+        plan(stander, 0.5, 2.0, 0.025, LQR)
+    changes = AS_TRAINED.model_copy(update={"amplitude": 2.0})
+    with pytest.raises(ConfigError, match="cannot be met"):
+        evaluate_lqr(LQR, EVAL.evaluation, changes, EVAL.paper, "cpu", tmp_path / "none")
+    assert not (tmp_path / "none").exists()
+
+
+def test_margins_are_kept_from_the_plan(stander):
+    motion = plan(stander, 0.9, 0.1, 0.025, LQR)
+    time = motion.cycle()
+    target = 0.1 * (1 - np.cos(2 * np.pi * 0.9 * time))
+    assert abs(motion.head(time) - target).max() < 0.025 - LQR.tolerance_margin + 1e-4
+    heel, toe = stander.heel_x + LQR.foot_margin, stander.toe_x - LQR.foot_margin
+    assert heel - 1e-4 < motion.cop(time).min() and motion.cop(time).max() < toe + 1e-4
+
+
+def test_unknown_policies_are_refused():
+    with pytest.raises(ConfigError, match="policy = 'mpc'"):
+        read(EvalConfig, EVAL.model_dump() | {"policy": "mpc"})
