@@ -49,6 +49,7 @@ def measure(worlds: int, device: str) -> dict[str, Any]:
         composed = hydra.compose("train", [f"env.num_envs={worlds}", f"device={device}"])
     config = read(TrainConfig, plain(composed))
     torch.manual_seed(0)
+    torch.set_num_threads(config.threads)
     env = HeadTrackingEnv(config.env, 0, device)
     env.warm_up()
     actions = 0.2 * torch.randn(STEPS, worlds, env.num_actions, device=device)

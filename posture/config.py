@@ -107,6 +107,7 @@ class TrainConfig(Strict):
     evaluation: EvaluationConfig
     seed: Annotated[int, Field(ge=0, lt=2**31)]
     device: str
+    threads: Count
     max_iterations: Count
     resume: str | None
     evaluate: bool

@@ -13,7 +13,7 @@ from posture import cli, run_dir
 from posture.config import ConfigError, TrainConfig, check_device
 from posture.progress import preparing
 
-RESUME_KEYS = {"resume", "max_iterations", "device", "evaluate"}
+RESUME_KEYS = {"resume", "max_iterations", "device", "threads", "evaluate"}
 """What may be changed when a run goes on; all else is the run's own."""
 
 
@@ -26,6 +26,7 @@ def train(config: TrainConfig, folder: Path) -> None:
     from posture.evaluation import evaluate_run
     from posture.learner import Learner
 
+    torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed)
     run_dir.writable(folder)
     if config.resume is None:
