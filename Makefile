@@ -7,7 +7,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup train eval test test-slow lint types check clean
+.PHONY: help setup train eval theory test test-slow lint types check clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -28,6 +28,9 @@ train: setup ## train and evaluate a policy; Hydra overrides in ARGS
 
 eval: setup ## evaluate a trained policy; Hydra overrides in ARGS
 	$(BIN)/python -m posture.eval $(ARGS)
+
+theory: setup ## the torque-optimal stander, without learning; Hydra overrides in ARGS
+	$(BIN)/python -m posture.theory $(ARGS)
 
 test: setup ## run the quick tests; pytest options in ARGS
 	$(BIN)/python -m pytest $(ARGS)
