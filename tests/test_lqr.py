@@ -8,7 +8,7 @@ import pytest
 from envs.head_tracking import HeadTrackingEnv
 from posture.config import ConfigError, EvalConfig, read
 from posture.evaluation import AS_TRAINED, evaluate_lqr, trial_config
-from posture.lqr import LqrController, gain, plan, reference
+from posture.lqr import LqrController, gain, lean, plan, reference
 from posture.program import InfeasibleError
 from posture.stander import linearise, segments
 from tests.conftest import compose_eval
@@ -78,6 +78,26 @@ def test_reference_starts_upright_and_becomes_the_motion(stander):
     acceleration = np.gradient(velocity, time, axis=0)
     moment = acceleration @ stander.mass.T + velocity @ stander.damping.T + angle @ stander.stiffness.T + stander.offset
     assert torque[5:-5] == pytest.approx(moment[5:-5] / 2, abs=0.05)
+
+
+def test_leaning_moves_the_head_and_needs_the_torque_of_statics(stander):
+    angle, torque = lean(stander)
+    assert stander.head @ angle == pytest.approx(1.0)
+    assert torque == pytest.approx(stander.stiffness @ angle / 2)
+    idle = np.array([stander.head[1], -stander.head[0]])
+    for other in (angle + 0.01 * idle, angle - 0.01 * idle):
+        whole = stander.stiffness @ other / 2 + stander.torque_offset
+        # With the head 1 m ahead in the linear model, any other posture takes more torque.
+        best = torque + stander.stiffness @ static(stander) / 2 + stander.torque_offset
+        assert np.linalg.norm(whole + stander.stiffness @ static(stander) / 2) > np.linalg.norm(best)
+
+
+def static(stander):
+    """The posture that holds the head upright with the least torque, by brute force along the one free direction."""
+    idle = np.array([stander.head[1], -stander.head[0]])
+    sizes = np.linspace(-0.05, 0.05, 200_001)
+    torques = np.outer(sizes, stander.stiffness @ idle / 2) + stander.torque_offset
+    return sizes[np.argmin((torques**2).sum(1))] * idle
 
 
 def test_it_stands_follows_and_costs_what_the_optimum_costs(tmp_path, capsys):
