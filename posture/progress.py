@@ -39,6 +39,17 @@ class Status:
             f"lr {self.learning_rate:.1e} | {minutes}:{seconds:02d} left"
         )
 
+    @property
+    def short(self) -> str:
+        """The same in fewer than 80 characters."""
+        reward = "-" if self.reward is None else f"{self.reward:.1f}"
+        length = "-" if self.episode_length is None else f"{self.episode_length:.0f}"
+        minutes, seconds = divmod(round(self.seconds_left), 60)
+        return (
+            f"{self.iteration}/{self.total} {self.steps_per_s / 1e3:.1f}k/s rew {reward} ep {length} "
+            f"err {self.error_mm:.1f}mm cost {self.cost:.3f} lr {self.learning_rate:.0e} {minutes}:{seconds:02d} left"
+        )
+
 
 class Progress:
     """Prints `Status` lines to stdout."""
@@ -54,7 +65,8 @@ class Progress:
         line = str(status)
         if self._live:
             # A line that wraps could not be overwritten.
-            line = line[: shutil.get_terminal_size().columns - 1]
+            room = shutil.get_terminal_size().columns - 1
+            line = (line if len(line) <= room else status.short)[:room]
             print("\r" + line.ljust(self._width), end="\n" if final else "", flush=True)
             self._width = len(line)
         elif final or time.monotonic() - self._last >= PLAIN_EVERY_S:

@@ -27,6 +27,18 @@ def test_a_line_names_all_that_matters():
         assert part in line
 
 
+def test_a_narrow_terminal_gets_all_of_it_in_one_line(monkeypatch, capsys):
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    monkeypatch.setenv("COLUMNS", "80")
+    Progress().show(
+        Status(**{**vars(STATUS), "iteration": 9999, "total": 9999, "reward": -1234.5, "episode_length": 5000.0})
+    )
+    line = capsys.readouterr().out
+    assert line.startswith("\r") and line.endswith("\n") and len(line.strip()) < 80
+    for part in ("9999/9999", "12.3k/s", "-1234.5", "5000", "12.3mm", "0.057", "3e-04", "12:34 left"):
+        assert part in line
+
+
 def test_no_terminal_gives_plain_lines_now_and_then_and_always_the_last(capsys):
     progress = Progress()
     for iteration in range(1, 6):
