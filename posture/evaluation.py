@@ -43,7 +43,7 @@ def evaluate(
         policy = load_policy(content, env, run, model)
         env.warm_up()
     about = {"policy": str(model), "seed": run.seed}
-    return analyse(env, policy, evaluation, run.paper, run_dir.writable(out), about)
+    return analyse(env, policy, evaluation, run.paper, out, about)
 
 
 def evaluate_lqr(

@@ -9,8 +9,8 @@ where tau_ref is the torque that the linear stander needs for the reference, and
 control steps of z' Q z + tau' R tau for the linear stander with torques held constant over a step. Q and R are diagonal, one
 over the square of the deviation that counts as much as any other (Bryson's rule); the deviations are in conf/.
 
-Soft contact lets the feet creep, by up to half a millimetre a second at 1.5 Hz. What they have crept the head makes good by
-leaning the other way: z_ref and tau_ref are shifted along the static posture that does so with the least torque.
+Soft contact lets the feet creep, by half a millimetre a second or more at 1.5 Hz. What they have crept the head makes good
+by leaning the other way: z_ref and tau_ref are shifted along the static posture that does so with the least torque.
 """
 
 from collections.abc import Sequence

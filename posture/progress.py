@@ -30,25 +30,28 @@ class Status:
     seconds_left: float
 
     def __str__(self) -> str:
-        reward = "-" if self.reward is None else f"{self.reward:.2f}"
-        length = "-" if self.episode_length is None else f"{self.episode_length:.0f}"
-        minutes, seconds = divmod(round(self.seconds_left), 60)
+        reward, length, left = self._common()
         return (
             f"iteration {self.iteration}/{self.total} | {self.steps_per_s:,.0f} steps/s | reward {reward} | "
             f"episode {length} steps | error {self.error_mm:.1f} mm | cost {self.cost:.3f} | "
-            f"lr {self.learning_rate:.1e} | {minutes}:{seconds:02d} left"
+            f"lr {self.learning_rate:.1e} | {left} left"
         )
 
     @property
     def short(self) -> str:
         """The same in fewer than 80 characters."""
-        reward = "-" if self.reward is None else f"{self.reward:.1f}"
-        length = "-" if self.episode_length is None else f"{self.episode_length:.0f}"
-        minutes, seconds = divmod(round(self.seconds_left), 60)
+        reward, length, left = self._common()
         return (
             f"{self.iteration}/{self.total} {self.steps_per_s / 1e3:.1f}k/s rew {reward} ep {length} "
-            f"err {self.error_mm:.1f}mm cost {self.cost:.3f} lr {self.learning_rate:.0e} {minutes}:{seconds:02d} left"
+            f"err {self.error_mm:.1f}mm cost {self.cost:.3f} lr {self.learning_rate:.0e} {left} left"
         )
+
+    def _common(self) -> tuple[str, str, str]:
+        """Mean reward and episode length, a dash before the first episode has ended, and the time left as m:ss."""
+        minutes, seconds = divmod(round(self.seconds_left), 60)
+        reward = "-" if self.reward is None else f"{self.reward:.4g}"
+        length = "-" if self.episode_length is None else f"{self.episode_length:.0f}"
+        return reward, length, f"{minutes}:{seconds:02d}"
 
 
 class Progress:

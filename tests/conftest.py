@@ -9,6 +9,7 @@ import torch
 from envs.config import EnvConfig
 from posture.cli import CONF, plain
 from posture.config import EvalConfig, TrainConfig, read
+from posture.stander import Segments, segments
 
 
 def compose(*overrides: str) -> TrainConfig:
@@ -27,6 +28,18 @@ def compose_eval(*overrides: str) -> EvalConfig:
 def env_config() -> Callable[..., EnvConfig]:
     """A function from Hydra overrides to the environment's configuration; four worlds unless told."""
     return lambda *overrides: compose("env.num_envs=4", "agent.algorithm.num_mini_batches=1", *overrides).env
+
+
+@pytest.fixture(scope="session")
+def config(env_config: Callable[..., EnvConfig]) -> EnvConfig:
+    """The default environment's configuration, with four worlds."""
+    return env_config()
+
+
+@pytest.fixture(scope="session")
+def body(config: EnvConfig) -> Segments:
+    """The default body as the theory reads it from the simulation."""
+    return segments(config)
 
 
 @pytest.fixture(autouse=True)

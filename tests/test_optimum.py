@@ -16,20 +16,10 @@ from posture.motion import Motion, indices, joint_arrays
 from posture.optimum import bound, cheapest_sinusoid, sinusoid
 from posture.program import InfeasibleError, Program
 from posture.reward_optimum import RewardTerms, reward_optimum, reward_terms
-from posture.stander import linearise, segments
+from posture.stander import linearise
 
 AMPLITUDE, TOLERANCE = 0.1, 0.025
 FINE = 5000
-
-
-@pytest.fixture(scope="module")
-def config(env_config):
-    return env_config()
-
-
-@pytest.fixture(scope="module")
-def body(config):
-    return segments(config)
 
 
 @pytest.fixture(scope="module")

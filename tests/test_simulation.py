@@ -13,11 +13,6 @@ from envs.simulation import ConstraintOverflowError, NewtonSimulation
 GRAVITY = 9.81
 
 
-@pytest.fixture(scope="module")
-def config(env_config):
-    return env_config()
-
-
 def simulation(config, worlds=1, height=0.0):
     """`worlds` standers, lifted by `height` [m]."""
     sim = NewtonSimulation(config, worlds, "cpu")

@@ -7,20 +7,10 @@ import pytest
 
 from posture.motion import Motion
 from posture.program import InfeasibleError
-from posture.stander import linearise, segments
+from posture.stander import linearise
 from posture.transition import bound_transition, reward_transition, sinusoid_transition, transition_frequency
 
 SEARCH = (0.02, 2.0)
-
-
-@pytest.fixture(scope="module")
-def config(env_config):
-    return env_config()
-
-
-@pytest.fixture(scope="module")
-def body(config):
-    return segments(config)
 
 
 def made(body, config, **changes):
