@@ -108,7 +108,7 @@ class EnvConfig(Strict):
     load: NonNegative
     energy_weight: Annotated[float, Field(ge=0)] | Schedule
 
-    physics: Literal["mujoco"]
+    physics: Literal["sagittal", "mujoco"]
     control_dt: Annotated[float, Field(gt=0, le=0.1)]
     episode_steps: Annotated[int, Field(ge=1)]
     joint_damping: NonNegative

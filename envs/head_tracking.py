@@ -10,7 +10,7 @@ from envs import observations, rewards, target, terminations
 from envs.body import ANKLES, BODIES, FEET, HIPS, JOINTS
 from envs.config import EnvConfig, as_plain
 from envs.rotation import rotate
-from envs.simulation import NewtonSimulation
+from envs.simulation import simulate
 
 ACTIONS = ("hip", "ankle")
 """One command moves the left and the right joint of a kind, as in the paper."""
@@ -24,7 +24,7 @@ class HeadTrackingEnv(VecEnv):
     Tensors that terms and observations read (N worlds; after a reset they are those of the new episode):
         head_x, head_vx: (N,) head along x, 0 at the start [m], [m/s].
         target_x, target_vx, freq: (N,) [m], [m/s], [Hz].
-        hat_pose, hat_velocity: (N, 7), (N, 6) of the HAT, see `NewtonSimulation.body_pose`, `body_velocity`.
+        hat_pose, hat_velocity: (N, 7), (N, 6) of the HAT, see `Simulation.body_pose`, `body_velocity`.
         foot_position: (N, 2, 3) [m]. foot_displacement: (N, 2) distance from the start [m].
         action: (N, 4) normalised torque of each joint.
     """
@@ -42,7 +42,7 @@ class HeadTrackingEnv(VecEnv):
         self.num_actions = len(ACTIONS)
         self.max_episode_length = config.episode_steps
         self.device = device
-        self.sim = NewtonSimulation(config, config.num_envs, device)
+        self.sim = simulate(config, config.num_envs, device)
 
         n, place = config.num_envs, self.sim.device
         shape = self.sim.geometry

@@ -44,6 +44,7 @@ from typing import Any
 import numpy as np
 
 from envs.config import EnvConfig
+from envs.segments import Segments
 from posture.trajectory import Array
 
 HIP, ANKLE = 0, 1
@@ -52,32 +53,6 @@ JOINTS_OF_A_KIND = 2
 
 PITCH = np.array([[0.0, -1.0], [-1.0, -1.0]])
 """T: forward pitch of leg and HAT [rad] from (hip, ankle) [rad]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Segments:
-    """What the linear stander needs of the body, without springs and load. Places are (x, z) [m], upright.
-
-    hat_mass, leg_mass, foot_mass: HAT, both legs, both feet [kg]. hat_inertia, leg_inertia: about y through their centres
-    of mass [kg m2]. hat_com, head: relative to the hip; leg_com, hip: relative to the ankle, (2,). foot_com_x: relative to
-    the ankle; ankle_x, heel_x, toe_x: in the foot's frame [m]. ankle_height: above the ground [m]. gravity [m/s2].
-    """
-
-    hat_mass: float
-    hat_inertia: float
-    hat_com: Array
-    head: Array
-    leg_mass: float
-    leg_inertia: float
-    leg_com: Array
-    hip: Array
-    foot_mass: float
-    foot_com_x: float
-    ankle_x: float
-    ankle_height: float
-    heel_x: float
-    toe_x: float
-    gravity: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,36 +100,10 @@ class Stander:
 def segments(config: EnvConfig) -> Segments:
     """The body as simulated, read from the Newton model that `envs.body.build_model` gives."""
     # Only here, so that what is computed from the result needs no simulator.
-    from envs.body import BODIES, JOINTS, build_model, geometry
+    from envs import segments as planar
+    from envs.body import build_model
 
-    model = build_model(config, num_worlds=1, device="cpu")
-    mass, com = (np.asarray(a.numpy(), dtype=np.float64) for a in (model.body_mass, model.body_com))
-    inertia = model.body_inertia.numpy()[:, 1, 1].astype(np.float64)
-    first = len(model.joint_label) - len(JOINTS)
-    in_parent, in_child = (a.numpy()[first:, :3].astype(np.float64) for a in (model.joint_X_p, model.joint_X_c))
-    hat, leg, foot = (BODIES.index(name) for name in ("hat", "leg_left", "foot_left"))
-    hip, ankle = (JOINTS.index(name) for name in ("hip_left", "ankle_left"))
-    shape = geometry(model)
-    sole = [label.rsplit("/", 1)[-1] for label in model.shape_label].index("sole_left")
-    sole_bottom = float(model.shape_transform.numpy()[sole][2] - model.shape_scale.numpy()[sole][0])
-    plane = [0, 2]
-    return Segments(
-        hat_mass=float(mass[hat]),
-        hat_inertia=float(inertia[hat]),
-        hat_com=(com[hat] - in_parent[hip])[plane],
-        head=(np.asarray(shape.head, dtype=np.float64) - in_parent[hip])[plane],
-        leg_mass=2 * float(mass[leg]),
-        leg_inertia=2 * float(inertia[leg]),
-        leg_com=(com[leg] - in_parent[ankle])[plane],
-        hip=(in_child[hip] - in_parent[ankle])[plane],
-        foot_mass=2 * float(mass[foot]),
-        foot_com_x=float(com[foot][0] - in_child[ankle][0]),
-        ankle_x=float(in_child[ankle][0]),
-        ankle_height=float(in_child[ankle][2]) - sole_bottom,
-        heel_x=shape.heel_x,
-        toe_x=shape.toe_x,
-        gravity=-float(model.gravity.numpy()[-1][2]),
-    )
+    return planar.segments(build_model(config, num_worlds=1, device="cpu"))
 
 
 def linearise(body: Segments, config: EnvConfig) -> Stander:
@@ -174,7 +123,7 @@ def linearise(body: Segments, config: EnvConfig) -> Stander:
 
     # Centre of pressure: the whole body's weight [N], and its moment about the ankle upright.
     weight = g * (body.leg_mass + hat_mass + body.foot_mass)
-    ahead = (g * float(w.sum()) + g * body.foot_mass * body.foot_com_x) / weight
+    ahead = (g * float(w.sum()) + g * body.foot_mass * float(body.foot_com[0])) / weight
     # m x''_com = u theta'' and m z''_com = -w theta''.
     reaction = -(ones @ mass_pitch) - body.ankle_height * u + ahead * w
     return Stander(
