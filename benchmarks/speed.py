@@ -8,21 +8,15 @@ All rows are of one run; compare ratios, since machines differ and drift.
 """
 
 import argparse
-import csv
-import os
-import platform
 import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
-import hydra
 import torch
-import warp as wp
+from shared import compose, finish, hardware, timed, write
 
 from envs.head_tracking import HeadTrackingEnv
-from posture.cli import CONF, plain
-from posture.config import TrainConfig, read
 from posture.learner import Learner
 
 STEPS, ITERATIONS = 64, 4
@@ -36,18 +30,12 @@ def main() -> None:
     parser.add_argument("--csv", type=Path, default=Path(__file__).with_name("speed.csv"))
     arguments = parser.parse_args()
     rows = [measure(worlds, arguments.device) for worlds in arguments.worlds]
-    with arguments.csv.open("w", newline="") as file:
-        writer = csv.DictWriter(file, fieldnames=list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-    print(f"written: {arguments.csv}")
+    write(rows, arguments.csv)
 
 
 def measure(worlds: int, device: str) -> dict[str, Any]:
     """One row."""
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        composed = hydra.compose("train", [f"env.num_envs={worlds}", f"device={device}"])
-    config = read(TrainConfig, plain(composed))
+    config = compose(f"env.num_envs={worlds}", f"device={device}", "processes=1")
     torch.manual_seed(0)
     torch.set_num_threads(config.threads)
     env = HeadTrackingEnv(config.env, 0, device)
@@ -70,20 +58,9 @@ def measure(worlds: int, device: str) -> dict[str, Any]:
         "observation_reward_share": round((clock["env"] - clock["physics"]) / whole, 3),
         "learning_share": round(1 - clock["env"] / whole, 3),
         "torch_threads": torch.get_num_threads(),
-        "cores": os.cpu_count(),
-        "device": torch.cuda.get_device_name() if device.startswith("cuda") else platform.machine(),
-    }
+    } | hardware(device)
     print(row)
     return row
-
-
-def timed(device: str, work: Any) -> float:
-    """Seconds that `work()` takes, on a GPU until it is really done."""
-    finish(device)
-    start = time.perf_counter()
-    work()
-    finish(device)
-    return time.perf_counter() - start
 
 
 def count(owner: Any, name: str, clock: dict[str, float], key: str, device: str) -> None:
@@ -99,13 +76,6 @@ def count(owner: Any, name: str, clock: dict[str, float], key: str, device: str)
         return result
 
     setattr(owner, name, counted)
-
-
-def finish(device: str) -> None:
-    """Wait for the GPU."""
-    if device.startswith("cuda"):
-        wp.synchronize()
-        torch.cuda.synchronize()
 
 
 if __name__ == "__main__":

@@ -115,7 +115,7 @@ class EnvConfig(Strict):
     joint_armature: NonNegative
     torque_limit: Positive
     friction: Positive
-    observations: Annotated[tuple[str, ...], Field(min_length=1)]
+    observations: Annotated[dict[str, Annotated[tuple[str, ...], Field(min_length=1)]], Field(min_length=1)]
 
     reward: RewardConfig
     termination: TerminationConfig

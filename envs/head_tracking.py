@@ -32,19 +32,21 @@ class HeadTrackingEnv(VecEnv):
     HAT = BODIES.index("hat")
     FOOT_BODIES = [BODIES.index(foot) for foot in FEET]
 
-    def __init__(self, config: EnvConfig, seed: int, device: str) -> None:
-        unknown = sorted(set(config.observations) - set(observations.GROUPS))
+    def __init__(self, config: EnvConfig, seed: int, device: str, part: tuple[int, int] = (0, 1)) -> None:
+        """The worlds `part[0]`, `part[0]` + `part[1]`, ... of the `config.num_envs`: one of `part[1]` equal parts, together
+        the same as all in one."""
+        unknown = sorted({term for terms in config.observations.values() for term in terms} - set(observations.TERMS))
         if unknown:
-            raise ValueError(f"env.observations: unknown {unknown}; allowed are {sorted(observations.GROUPS)}")
+            raise ValueError(f"env.observations: unknown {unknown}; allowed are {sorted(observations.TERMS)}")
         self.config = config
         self.cfg = as_plain(config)
-        self.num_envs = config.num_envs
+        self.num_envs = config.num_envs // part[1]
         self.num_actions = len(ACTIONS)
         self.max_episode_length = config.episode_steps
         self.device = device
-        self.sim = simulate(config, config.num_envs, device)
+        self.sim = simulate(config, self.num_envs, device)
 
-        n, place = config.num_envs, self.sim.device
+        n, place = self.num_envs, self.sim.device
         shape = self.sim.geometry
         self._head = torch.tensor(shape.head, device=place)[None]
         self._hat_com = torch.tensor(shape.hat_com, device=place)[None]
@@ -60,7 +62,8 @@ class HeadTrackingEnv(VecEnv):
         self.episode_length_buf = torch.zeros(n, dtype=torch.long, device=place)
         self.episode = torch.zeros(n, dtype=torch.long, device=place)
         self.action = torch.zeros(n, len(JOINTS), device=place)
-        self._source = target.FrequencySource(config.freq, config.ramp, config.freq_draw, n, seed, place)
+        worlds = torch.arange(part[0], config.num_envs, part[1], device=place)
+        self._source = target.FrequencySource(config.freq, config.ramp, config.freq_draw, worlds, config.num_envs, seed)
         self.freq = self._source.draw(self.episode)
         self._read()
 
@@ -102,8 +105,11 @@ class HeadTrackingEnv(VecEnv):
         return self.get_observations(), reward, done, {"time_outs": time_out, "log": log}
 
     def get_observations(self) -> TensorDict:
-        """The groups named in `env.observations`, each (N, size)."""
-        groups = {name: observations.GROUPS[name](self).clone() for name in self.config.observations}
+        """The groups of `env.observations`, each (N, size) with its terms side by side."""
+        groups = {
+            name: torch.cat([observations.TERMS[term](self) for term in terms], dim=-1)
+            for name, terms in self.config.observations.items()
+        }
         return TensorDict(groups, batch_size=[self.num_envs], device=self.sim.device)
 
     def follow(self, freq: torch.Tensor) -> None:

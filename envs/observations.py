@@ -1,7 +1,8 @@
-"""What the policy may sense, in named groups, one function each: the environment in, (N, size) out.
+"""What the policy may sense, one function a term: the environment in, (N, size) out.
 
-Which groups are built is `env.observations`; which of those actor and critic see is `agent.obs_groups`. Values are in SI
-units, in the world frame unless said otherwise: the policy normalises what it sees by its own running statistics.
+`env.observations` names groups and the terms that each joins, in order; `agent.obs_groups` says which of them actor and
+critic see. Values are in SI units, in the world frame unless said otherwise: the policy normalises what it sees by its own
+running statistics.
 """
 
 from collections.abc import Callable
@@ -35,6 +36,11 @@ def torso_pitch(env: "HeadTrackingEnv") -> torch.Tensor:
     return pitch(env.hat_pose[:, 3:])[:, None]
 
 
+def torso_motion(env: "HeadTrackingEnv") -> torch.Tensor:
+    """Velocity of the HAT's centre of mass along x and z [m/s], angular velocity about y [rad/s]. (N, 3)."""
+    return env.hat_velocity[:, (0, 2, 4)]
+
+
 def torso_orientation(env: "HeadTrackingEnv") -> torch.Tensor:
     """Yaw [rad], roll [rad] and the vertical component of the HAT's own z axis (1 when upright). (N, 3)."""
     attitude = env.hat_pose[:, 3:]
@@ -51,6 +57,16 @@ def joint_velocity(env: "HeadTrackingEnv") -> torch.Tensor:
     return env.sim.joint_velocity
 
 
+def hip_ankle_angle(env: "HeadTrackingEnv") -> torch.Tensor:
+    """Mean of left and right hip, and of left and right ankle [rad]. (N, 2)."""
+    return 0.5 * (env.sim.joint_angle[:, :2] + env.sim.joint_angle[:, 2:])
+
+
+def hip_ankle_velocity(env: "HeadTrackingEnv") -> torch.Tensor:
+    """Mean of left and right hip velocity, and of left and right ankle velocity [rad/s]. (N, 2)."""
+    return 0.5 * (env.sim.joint_velocity[:, :2] + env.sim.joint_velocity[:, 2:])
+
+
 def joint_force(env: "HeadTrackingEnv") -> torch.Tensor:
     """Torque about each joint axis by actuator, spring and damper [Nm]. (N, 4)."""
     return env.sim.joint_force
@@ -59,6 +75,16 @@ def joint_force(env: "HeadTrackingEnv") -> torch.Tensor:
 def foot_position(env: "HeadTrackingEnv") -> torch.Tensor:
     """Position of the left, then the right foot frame [m]. (N, 6)."""
     return env.foot_position.flatten(1)
+
+
+def feet_place(env: "HeadTrackingEnv") -> torch.Tensor:
+    """Mean of the feet's frames along x and z [m]. (N, 2)."""
+    return env.foot_position.mean(1)[:, 0::2]
+
+
+def sole_load(env: "HeadTrackingEnv") -> torch.Tensor:
+    """Vertical force on the heels, and on the toes, of both feet together [N]. (N, 2)."""
+    return env.sim.sole_force[..., 2].sum(1)
 
 
 def foot_wrench(env: "HeadTrackingEnv") -> torch.Tensor:
@@ -81,6 +107,11 @@ def last_action(env: "HeadTrackingEnv") -> torch.Tensor:
     return env.action
 
 
+def last_command(env: "HeadTrackingEnv") -> torch.Tensor:
+    """The normalised torque of hip and ankle in the step just made. (N, 2)."""
+    return env.action[:, :2]
+
+
 def target(env: "HeadTrackingEnv") -> torch.Tensor:
     """Target position along x [m]. (N, 1)."""
     return env.target_x[:, None]
@@ -96,21 +127,27 @@ def target_error(env: "HeadTrackingEnv") -> torch.Tensor:
     return (env.target_x - env.head_x)[:, None]
 
 
-GROUPS: dict[str, Callable[["HeadTrackingEnv"], torch.Tensor]] = {
+TERMS: dict[str, Callable[["HeadTrackingEnv"], torch.Tensor]] = {
     function.__name__: function
     for function in (
         torso_height,
         torso_velocity,
         torso_angular_velocity,
         torso_pitch,
+        torso_motion,
         torso_orientation,
         joint_angle,
         joint_velocity,
+        hip_ankle_angle,
+        hip_ankle_velocity,
         joint_force,
         foot_position,
+        feet_place,
         foot_wrench,
+        sole_load,
         head,
         last_action,
+        last_command,
         target,
         target_velocity,
         target_error,

@@ -1,7 +1,5 @@
 """N standers in the sagittal plane: the fused kernel of envs/sagittal_kernel.py behind the interface of `Simulation`."""
 
-from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
 from typing import Any
 
 import mujoco
@@ -12,22 +10,17 @@ from newton.solvers import SolverMuJoCo
 
 from envs.body import ANKLES, BODIES, FEET, HIPS, JOINTS, build_model, geometry
 from envs.config import EnvConfig
-from envs import sagittal_kernel
-from envs.sagittal_kernel import Body, Softness, advance, place, vec5
+from envs.sagittal_contact import Softness, vec5
+from envs.sagittal_kernel import Body, advance, place
 from envs.segments import Segments, segments
 from envs.simulation import check_subject
 
 _SHOWN = (wp.float32, wp.float32, wp.transform, wp.spatial_vector)
 """Types that the kernel gives to joint angles and velocities, poses and velocities of bodies."""
-_MIN_SHARE = 64
-"""With fewer worlds than this a thread costs more than it brings."""
 
 
 class SagittalSimulation:
-    """The `Simulation` of the planar body. A torque acts by the sum of left and right.
-
-    On the CPU the worlds are shared among as many threads as torch has; what comes out does not depend on their number.
-    """
+    """The `Simulation` of the planar body. Torques act by the sum of left and right."""
 
     def __init__(self, config: EnvConfig, num_worlds: int, device: str) -> None:
         self.config = config
@@ -45,35 +38,26 @@ class SagittalSimulation:
         self.hip_k.fill_(config.hip_k)
         self.ankle_k.fill_(config.ankle_k)
         self.set_subject(load=torch.full((num_worlds,), config.load, device=self.device))
-        _load(device)
         self._place()
         self._upright = [shown[0].clone() for shown in self._shown]
-        shares = max(1, min(torch.get_num_threads(), num_worlds // _MIN_SHARE)) if self.device.type == "cpu" else 1
-        self._pool = ThreadPoolExecutor(shares - 1) if shares > 1 else None
-        edges = [num_worlds * share // shares for share in range(shares + 1)]
-        self._launches = [self._recorded(first, last - first) for first, last in pairwise(edges)]
+        self._launch = self._recorded()
 
     # -- what happens to it ------------------------------------------------------------------------------------------
 
     def step(self, torque: torch.Tensor) -> None:
         """See `Simulation`."""
         self._torque.copy_(torque)
-        if self.device.type != "cpu":
-            self._launches[0].launch(stream=wp.stream_from_torch(torch.cuda.current_stream(self.device)))
-        elif self._pool is None:
-            self._launches[0].launch()
+        if self.device.type == "cpu":
+            self._launch.launch()
         else:
-            others = [self._pool.submit(share.launch) for share in self._launches[1:]]
-            self._launches[0].launch()
-            for other in others:
-                other.result()
+            self._launch.launch(stream=wp.stream_from_torch(torch.cuda.current_stream(self.device)))
 
     def reset(self, mask: torch.Tensor) -> None:
         """See `Simulation`."""
         self._q[mask] = self._start
         for tensor in (self._qd, self._qdd, self.sole_force, self.sole_position, self.joint_force):
             tensor[mask] = 0.0
-        self.diverged[mask] = False
+        self._diverged[mask] = False
         for shown, upright in zip(self._shown, self._upright, strict=True):
             shown[mask] = upright
 
@@ -94,6 +78,11 @@ class SagittalSimulation:
             self._inv_weight.copy_(weights[which])
 
     # -- what can be read --------------------------------------------------------------------------------------------
+
+    @property
+    def diverged(self) -> torch.Tensor:
+        """See `Simulation`. The memory of such a world is left as it was before the step."""
+        return self._diverged
 
     def check_capacity(self) -> None:
         """Nothing is ever dropped: the kernel has room for every contact there can be."""
@@ -121,22 +110,21 @@ class SagittalSimulation:
         self._torque = zeros(len(JOINTS))
         self._inv_weight = zeros(3)
         self.hip_k, self.ankle_k, self.load = zeros(), zeros(), zeros()
-        self.diverged = zeros(dtype=torch.bool)
+        self._diverged = zeros(dtype=torch.bool)
         self.joint_angle, self.joint_velocity, self.joint_force = (zeros(len(JOINTS)) for _ in range(3))
         self.body_pose, self.body_velocity = zeros(len(BODIES), 7), zeros(len(BODIES), 6)
         self.sole_force, self.sole_position = zeros(len(FEET), 2, 3), zeros(len(FEET), 2, 3)
         self._shown = (self.joint_angle, self.joint_velocity, self.body_pose, self.body_velocity)
         self._q[:] = self._start
 
-    def _recorded(self, first: int, count: int) -> Any:
-        """The launch that takes `count` worlds from `first` on through a control step."""
+    def _recorded(self) -> Any:
+        """The launch that takes all worlds through a control step."""
         seen = ("hip_k", "ankle_k", "load")
         config = self.config
         return wp.launch(
             advance,
-            dim=count,
+            dim=self.num_worlds,
             inputs=[
-                first,
                 config.solver.substeps,
                 config.control_dt / config.solver.substeps,
                 config.solver.iterations,
@@ -147,7 +135,7 @@ class SagittalSimulation:
             ],
             outputs=[
                 *(wp.from_torch(tensor, dtype=vec5) for tensor in (self._q, self._qd, self._qdd)),
-                wp.from_torch(self.diverged),
+                wp.from_torch(self._diverged),
                 wp.from_torch(self.joint_force),
                 *(wp.from_torch(tensor, dtype=dtype) for tensor, dtype in zip(self._shown, _SHOWN, strict=True)),
                 wp.from_torch(self.sole_force, dtype=wp.vec3),
@@ -190,7 +178,7 @@ class SagittalSimulation:
             "joint_force": self.joint_force,
             "sole_force": self.sole_force,
             "sole_position": self.sole_position,
-            "diverged": self.diverged,
+            "diverged": self._diverged,
             "hip_k": self.hip_k,
             "ankle_k": self.ankle_k,
             "load": self.load,
@@ -206,7 +194,8 @@ def _constants(body: Segments, config: EnvConfig, model: mujoco.MjModel) -> Any:
     """The kernel's `Body`. Springs, load and inverse weights, which differ from world to world, are apart."""
     step = config.control_dt / config.solver.substeps
     made = Body()
-    for name in ("hat_mass", "leg_mass", "foot_mass", "hat_inertia", "leg_inertia", "foot_inertia", "sole_radius", "gravity"):
+    masses = ("hat_mass", "leg_mass", "foot_mass", "hat_inertia", "leg_inertia", "foot_inertia")
+    for name in (*masses, "sole_radius", "gravity"):
         setattr(made, name, getattr(body, name))
     places = {
         "hat_com": body.hat_com - body.hat_frame,
@@ -250,17 +239,3 @@ def _softness(solref: np.ndarray, solimp: np.ndarray, step: float) -> Any:
     else:
         made.stiffness, made.damping = -float(solref[0]) / made.high**2, -float(solref[1]) / made.high
     return made
-
-
-def _load(device: str) -> None:
-    """Compile the kernels so that several threads may run them at once.
-
-    Warp gives each CPU launch scratch memory by one pointer that all threads share, and which these kernels do not use; static
-    memory instead of the stack's leaves nothing there that one thread could take from another.
-    """
-    kept = wp.config.enable_tiles_in_stack_memory
-    wp.config.enable_tiles_in_stack_memory = False
-    try:
-        wp.load_module(sagittal_kernel, device=device)
-    finally:
-        wp.config.enable_tiles_in_stack_memory = kept

@@ -1,13 +1,14 @@
 """The stander in the sagittal plane: a Warp kernel that takes N worlds through a whole control step.
 
 Left and right get the same command, so they move as one and the motion stays in the x-z plane. What remains of the body is
-HAT (1), both legs (2) and both feet (3), with five coordinates: place p = (x, z) of the HAT's frame and the forward pitches
-th1, th2, th3. The equations are those that MuJoCo solves for the full body (its documentation, "Computation"), written for
-this motion; nothing is approximated besides, and the two engines differ by rounding alone (tests/test_sagittal.py).
+HAT (1), both legs (2) and both feet (3), with five coordinates: place p = (x, z) of the HAT's frame and the forward
+pitches th1, th2, th3. The equations are those that MuJoCo solves for the full body (its documentation, "Computation"),
+written for this motion; nothing is approximated besides, and the two engines differ by rounding alone
+(tests/test_sagittal.py).
 
-Kinematics. R(th) v = (vx cos th + vz sin th, vz cos th - vx sin th) turns the body's own x-z to the world's; its derivative by
-th is (Rv)' = ((Rv)_z, -(Rv)_x), and the second is -Rv. With b1 from HAT frame to hip, b2 from hip to ankle, a_i from the joint
-above (1: HAT frame) to the centre of mass, capitals turned:
+Kinematics. R(th) v = (vx cos th + vz sin th, vz cos th - vx sin th) turns the body's own x-z to the world's; its
+derivative by th is (Rv)' = ((Rv)_z, -(Rv)_x), and the second is -Rv. With b1 from HAT frame to hip, b2 from hip to ankle,
+a_i from the joint above (1: HAT frame) to the centre of mass, capitals turned:
 
     c1 = p + A1,   c2 = p + B1 + A2,   c3 = p + B1 + B2 + A3,   phi_hip = th2 - th1,   phi_ankle = th3 - th2.
 
@@ -18,29 +19,17 @@ Dynamics. Collecting kinetic energy by the pitches, with m = m1 + m2 + m3 and th
     M_xx = M_zz = m,  M_x,i = E_iz,  M_z,i = -E_ix,  M_12 = B1.E2,  M_13 = B1.E3,  M_23 = B2.E3,  and constant
     M_11 = I1 + m1 a1^2 + (m2 + m3) b1^2,   M_22 = I2 + m2 a2^2 + m3 b2^2,   M_33 = I3 + m3 a3^2,
 
-plus the armature r of each joint, r (phi')^2 / 2. Since a turning vector V accelerates by -th'^2 V, centripetal terms leave the
-generalised forces
+plus the armature r of each joint, r (phi')^2 / 2. Since a turning vector V accelerates by -th'^2 V, centripetal terms
+leave the generalised forces
 
     F_x = sum E_ix th_i'^2,   F_z = sum E_iz th_i'^2 - m g,
     F_1 = g E_1x + (B1 x E2) th2'^2 + (B1 x E3) th3'^2,
     F_2 = g E_2x - (B1 x E2) th1'^2 + (B2 x E3) th3'^2,   F_3 = g E_3x - (B1 x E3) th1'^2 - (B2 x E3) th2'^2,
 
-with V x W = V_z W_x - V_x W_z, and joint torques u = actuator - k phi - d phi' that enter as -u on the parent, +u on the child.
+with V x W = V_z W_x - V_x W_z, and joint torques u = actuator - k phi - d phi' that enter as -u on the parent, +u on the
+child.
 
-Contact. Heel and toe are balls of radius s at the ends of the sole. Where one sinks in by -dist it has velocity (v_x, v_z),
-linear in the coordinates by rows J_x, J_z, and MuJoCo's friction pyramid has the four edges n + mu x, n - mu x, n + mu y, n - mu y.
-In this plane the last two are both J_z. With the softness of solref, solimp: impedance I(dist), K, B, regularisation
-
-    1 / D = 2 mu^2 (1 + mu^2) w (1 - I) / I,       w = body_invweight0 of the foot,
-
-an edge e pushes with D max(0, -(J_e a - a_ref,e)), a_ref,e = -B J_e v - K I dist. It can only push, and each ball's force lies in
-the pyramid since it is a sum of its edges. Joint limits are single such rows with 1 / D = w_joint (1 - I) / I. The accelerations a
-minimise the convex
-
-    1/2 a'Ma - a'F + 1/2 sum_e D_e min(0, J_e a - a_ref,e)^2,        each edge counted once per foot,
-
-found by Newton's method with an exact line search; where the set of pushing edges is that of the step before, which is most
-of the time, one linear solve is exact.
+Contact. Heel and toe are balls at the ends of the sole; envs/sagittal_contact.py has the forces.
 
 Time step, MuJoCo's semi-implicit Euler with implicit damping d: v += h (M + h d)^-1 (F + contact forces), q += h v.
 """
@@ -49,27 +38,22 @@ Time step, MuJoCo's semi-implicit Euler with implicit damping d: v += h (M + h d
 
 import warp as wp
 
-vec4 = wp.vec4
-vec5 = wp.types.vector(length=5, dtype=float)
-mat5 = wp.types.matrix(shape=(5, 5), dtype=float)
-vec6 = wp.types.vector(length=6, dtype=float)
-mat65 = wp.types.matrix(shape=(6, 5), dtype=float)
+from envs.sagittal_contact import (
+    Softness,
+    accelerate,
+    impedance,
+    mat5,
+    mat65,
+    push,
+    pushing,
+    solve,
+    vec4,
+    vec5,
+    vec6,
+)
 
 MAX_SPEED = wp.constant(1.0e4)
 """A world whose speed [m/s] or [rad/s] exceeds this has diverged."""
-
-
-@wp.struct
-class Softness:
-    """A constraint's reference acceleration and impedance: MuJoCo's K [1/s2], B [1/s] and solimp."""
-
-    stiffness: float
-    damping: float
-    low: float
-    high: float
-    width: float
-    midpoint: float
-    power: float
 
 
 @wp.struct
@@ -111,176 +95,6 @@ def turned(v: wp.vec2, c: float, s: float) -> wp.vec2:
 @wp.func
 def crossed(v: wp.vec2, w: wp.vec2) -> float:
     return v[1] * w[0] - v[0] * w[1]
-
-
-@wp.func
-def impedance(soft: Softness, distance: float) -> float:
-    """MuJoCo's solimp: from `low` at touch to `high` at `width`, along a power curve through `midpoint`."""
-    x = wp.min(wp.abs(distance) / soft.width, 1.0)
-    y = float(0.0)
-    if x < soft.midpoint:
-        if soft.power == 2.0:
-            y = x * x / soft.midpoint
-        else:
-            y = wp.pow(x, soft.power) / wp.pow(soft.midpoint, soft.power - 1.0)
-    else:
-        if soft.power == 2.0:
-            y = 1.0 - (1.0 - x) * (1.0 - x) / (1.0 - soft.midpoint)
-        else:
-            y = 1.0 - wp.pow(1.0 - x, soft.power) / wp.pow(1.0 - soft.midpoint, soft.power - 1.0)
-    if x >= 1.0:
-        y = 1.0
-    return soft.low + y * (soft.high - soft.low)
-
-
-@wp.func
-def solve(a: mat5, b: vec5) -> vec5:
-    """x with a x = b, a symmetric and positive definite, by its LDL' factors."""
-    l10 = a[1, 0] / a[0, 0]
-    l20 = a[2, 0] / a[0, 0]
-    l30 = a[3, 0] / a[0, 0]
-    l40 = a[4, 0] / a[0, 0]
-    d1 = a[1, 1] - l10 * a[1, 0]
-    c21 = a[2, 1] - l20 * a[1, 0]
-    c31 = a[3, 1] - l30 * a[1, 0]
-    c41 = a[4, 1] - l40 * a[1, 0]
-    l21 = c21 / d1
-    l31 = c31 / d1
-    l41 = c41 / d1
-    d2 = a[2, 2] - l20 * a[2, 0] - l21 * c21
-    c32 = a[3, 2] - l30 * a[2, 0] - l31 * c21
-    c42 = a[4, 2] - l40 * a[2, 0] - l41 * c21
-    l32 = c32 / d2
-    l42 = c42 / d2
-    d3 = a[3, 3] - l30 * a[3, 0] - l31 * c31 - l32 * c32
-    c43 = a[4, 3] - l40 * a[3, 0] - l41 * c31 - l42 * c32
-    l43 = c43 / d3
-    d4 = a[4, 4] - l40 * a[4, 0] - l41 * c41 - l42 * c42 - l43 * c43
-    y0 = b[0]
-    y1 = b[1] - l10 * y0
-    y2 = b[2] - l20 * y0 - l21 * y1
-    y3 = b[3] - l30 * y0 - l31 * y1 - l32 * y2
-    y4 = b[4] - l40 * y0 - l41 * y1 - l42 * y2 - l43 * y3
-    x4 = y4 / d4
-    x3 = y3 / d3 - l43 * x4
-    x2 = y2 / d2 - l32 * x3 - l42 * x4
-    x1 = y1 / d1 - l21 * x2 - l31 * x3 - l41 * x4
-    x0 = y0 / a[0, 0] - l10 * x1 - l20 * x2 - l30 * x3 - l40 * x4
-    return vec5(x0, x1, x2, x3, x4)
-
-
-@wp.func
-def pushing(r: vec6, weight: vec4) -> int:
-    """Which edges push, a bit each: n + t, n - t, n of heel and toe, then the limits of hip and ankle."""
-    edges = int(0)
-    if weight[0] > 0.0:
-        if r[0] + r[1] < 0.0:
-            edges |= 1
-        if r[0] - r[1] < 0.0:
-            edges |= 2
-        if r[0] < 0.0:
-            edges |= 4
-    if weight[1] > 0.0:
-        if r[2] + r[3] < 0.0:
-            edges |= 8
-        if r[2] - r[3] < 0.0:
-            edges |= 16
-        if r[2] < 0.0:
-            edges |= 32
-    if weight[2] > 0.0 and r[4] < 0.0:
-        edges |= 64
-    if weight[3] > 0.0 and r[5] < 0.0:
-        edges |= 128
-    return edges
-
-
-@wp.func
-def bit(edges: int, place: int) -> float:
-    return float((edges >> place) & 1)
-
-
-@wp.func
-def push(edges: int, r: vec6, weight: vec4) -> vec6:
-    """What the pushing edges add up to along the six rows, with residuals r: minus the gradient of their cost."""
-    heel_plus = -2.0 * weight[0] * bit(edges, 0) * (r[0] + r[1])
-    heel_minus = -2.0 * weight[0] * bit(edges, 1) * (r[0] - r[1])
-    heel_side = -4.0 * weight[0] * bit(edges, 2) * r[0]
-    toe_plus = -2.0 * weight[1] * bit(edges, 3) * (r[2] + r[3])
-    toe_minus = -2.0 * weight[1] * bit(edges, 4) * (r[2] - r[3])
-    toe_side = -4.0 * weight[1] * bit(edges, 5) * r[2]
-    return vec6(
-        heel_plus + heel_minus + heel_side,
-        heel_plus - heel_minus,
-        toe_plus + toe_minus + toe_side,
-        toe_plus - toe_minus,
-        -2.0 * weight[2] * bit(edges, 6) * r[4],
-        -2.0 * weight[3] * bit(edges, 7) * r[5],
-    )
-
-
-@wp.func
-def stiffened(mass: mat5, edges: int, rows: mat65, weight: vec4) -> mat5:
-    """Second derivative of the cost by the accelerations, with those edges pushing."""
-    h = mass
-    for end in range(2):
-        plus = 2.0 * weight[end] * bit(edges, 3 * end)
-        minus = 2.0 * weight[end] * bit(edges, 3 * end + 1)
-        side = 4.0 * weight[end] * bit(edges, 3 * end + 2)
-        n = rows[2 * end]
-        t = rows[2 * end + 1]
-        h += wp.outer(n, (plus + minus + side) * n + (plus - minus) * t)
-        h += wp.outer(t, (plus - minus) * n + (plus + minus) * t)
-    if edges >= 64:
-        for joint in range(2):
-            row = rows[4 + joint]
-            h += (2.0 * weight[2 + joint] * bit(edges, 6 + joint)) * wp.outer(row, row)
-    return h
-
-
-@wp.func
-def search(slope: float, curvature: float, r: vec6, dr: vec6, weight: vec4) -> float:
-    """Length of the step that minimises the cost along it; slope and curvature are those of its smooth part at 0."""
-    low = float(0.0)
-    high = float(1.0)
-    alpha = float(1.0)
-    for _ in range(20):
-        at = r + alpha * dr
-        edges = pushing(at, weight)
-        derivative = slope + alpha * curvature - wp.dot(push(edges, at, weight), dr)
-        second = curvature - wp.dot(push(edges, dr, weight), dr)
-        if derivative > 0.0:
-            high = alpha
-        else:
-            low = alpha
-        if derivative <= 0.0 and alpha == 1.0:
-            break
-        step = derivative / second
-        alpha -= step
-        if alpha <= low or alpha >= high:
-            alpha = 0.5 * (low + high)
-        if wp.abs(step) < 1.0e-6 or high - low < 1.0e-6:
-            break
-    return alpha
-
-
-@wp.func
-def accelerate(mass: mat5, force: vec5, start: vec5, rows: mat65, bias: vec6, weight: vec4, iterations: int) -> vec5:
-    """The accelerations that minimise the cost, sought from `start`."""
-    a = start
-    edges = pushing(rows * a + bias, weight)
-    for _ in range(iterations):
-        h = stiffened(mass, edges, rows, weight)
-        new = solve(h, force + push(edges, bias, weight) * rows)
-        now = pushing(rows * new + bias, weight)
-        if now == edges:
-            a = new
-            break
-        step = new - a
-        along = mass * step
-        slope = wp.dot(along, a) - wp.dot(step, force)
-        a += search(slope, wp.dot(along, step), rows * a + bias, rows * step, weight) * step
-        edges = pushing(rows * a + bias, weight)
-    return a
 
 
 @wp.func
@@ -348,7 +162,6 @@ def show(
 
 @wp.kernel(enable_backward=False)
 def advance(
-    first: int,
     substeps: int,
     dt: float,
     iterations: int,
@@ -370,11 +183,11 @@ def advance(
     sole_force: wp.array3d[wp.vec3],
     sole_position: wp.array3d[wp.vec3],
 ) -> None:
-    """`substeps` steps of `dt` [s] for world `first` + tid; torque (N, 4), each side's actuator torques [Nm].
+    """`substeps` steps of `dt` [s] for each world; torque (N, 4), each side's actuator torques [Nm].
 
     inv_weight: MuJoCo's body_invweight0 of a foot [1/kg], dof_invweight0 of hip and ankle [1/(kg m2)].
     """
-    world = first + wp.tid()
+    world = wp.tid()
     hip_torque = torque[world, 0] + torque[world, 2]
     ankle_torque = torque[world, 1] + torque[world, 3]
     hip_stiffness = 2.0 * hip_k[world]
@@ -394,7 +207,11 @@ def advance(
     e2 = body.leg_mass * body.leg_com + body.foot_mass * body.ankle
     e3 = body.foot_mass * body.foot_com
     m11 = body.hat_inertia + m1 * wp.dot(body.hat_com, body.hat_com) + m23 * wp.dot(body.hip, body.hip)
-    m22 = body.leg_inertia + wp.dot(body.leg_com, body.leg_com) * body.leg_mass + body.foot_mass * wp.dot(body.ankle, body.ankle)
+    m22 = (
+        body.leg_inertia
+        + wp.dot(body.leg_com, body.leg_com) * body.leg_mass
+        + body.foot_mass * wp.dot(body.ankle, body.ankle)
+    )
     m33 = body.foot_inertia + body.foot_mass * wp.dot(body.foot_com, body.foot_com)
     rot = body.friction * body.friction
     contact_inv_weight = inv_weight[world][0] * (1.0 + rot) * 2.0 * rot

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 class Segments:
     """Masses, inertias and places of HAT, both legs together and both feet together, without springs and load.
 
-    hat_mass, leg_mass, foot_mass [kg]. hat_inertia, leg_inertia, foot_inertia: about y through their centres of mass [kg m2].
+    hat_mass, leg_mass, foot_mass [kg]. hat_inertia, leg_inertia, foot_inertia: about y through centres of mass [kg m2].
     Places are (x, z) [m] along the segment's own axes, which are the world's when upright: hat_com, hat_frame and head from
     the hip; leg_com, leg_frame and hip from the ankle; foot_com, foot_frame, heel and toe (centres of the balls at the ends
     of the sole) from the ankle. sole_radius: of those balls [m]. half_width: distance of the frames of leg and foot from the

@@ -2,7 +2,6 @@
 
 from typing import Protocol
 
-import newton
 import torch
 
 from envs.body import Geometry
@@ -22,15 +21,13 @@ class Simulation(Protocol):
         sole_force: (N, 2, 2, 3) force of the ground on left and right foot at heel and toe, world frame [N], as of the
             last substep; zero after a reset, before the first step.
         sole_position: (N, 2, 2, 3) where it acts, in the foot frame [m].
-        diverged: (N,) bool, worlds whose last step did not come to finite values; they need a reset.
         hip_k, ankle_k, load: (N,) [Nm/rad per joint], [Nm/rad per joint], [kg].
-        geometry: `envs.body.Geometry` of the stander. model: its Newton model.
+        geometry: `envs.body.Geometry` of the stander.
     """
 
     config: EnvConfig
     num_worlds: int
     device: torch.device
-    model: newton.Model
     geometry: Geometry
     joint_angle: torch.Tensor
     joint_velocity: torch.Tensor
@@ -39,10 +36,13 @@ class Simulation(Protocol):
     body_velocity: torch.Tensor
     sole_force: torch.Tensor
     sole_position: torch.Tensor
-    diverged: torch.Tensor
     hip_k: torch.Tensor
     ankle_k: torch.Tensor
     load: torch.Tensor
+
+    @property
+    def diverged(self) -> torch.Tensor:
+        """(N,) bool, worlds whose last step did not come to finite values; they need a reset."""
 
     def step(self, torque: torch.Tensor) -> None:
         """Advance every world by one control step under constant actuator torques, shape (N, 4) [Nm]."""

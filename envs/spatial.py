@@ -67,7 +67,7 @@ def _sort_sole_forces(
 
 
 class SpatialSimulation:
-    """The `Simulation` of the full body. Its tensors are views of the state: what is written there is what is stepped from."""
+    """The `Simulation` of the full body. Its tensors are views of the state: what is written there is stepped from."""
 
     def __init__(self, config: EnvConfig, num_worlds: int, device: str) -> None:
         self.config = config

@@ -48,11 +48,12 @@ class FrequencySource:
         freq: float | tuple[float, float],
         ramp: Ramp | None,
         draw: str,
+        worlds: torch.Tensor,
         num_worlds: int,
         seed: int,
-        device: torch.device,
     ) -> None:
-        worlds = torch.arange(num_worlds, device=device)
+        """For the `worlds` (N,) int64 out of `num_worlds`."""
+        n, device = len(worlds), worlds.device
         self._seed = seed
         if ramp is not None:
             low = high = ramp.start
@@ -63,8 +64,8 @@ class FrequencySource:
         self._low = low + width * (worlds if parts > 1 else torch.zeros_like(worlds))
         self._width = width
         self._worlds = worlds
-        self.rate = torch.full((num_worlds,), ramp.rate if ramp else 0.0, device=device)
-        self.duration = torch.full((num_worlds,), ramp.duration if ramp else 0.0, device=device)
+        self.rate = torch.full((n,), ramp.rate if ramp else 0.0, device=device)
+        self.duration = torch.full((n,), ramp.duration if ramp else 0.0, device=device)
 
     def fix(self, freq: torch.Tensor) -> None:
         """From its next episode on, world i follows the constant `freq`[i] [Hz], (N,)."""

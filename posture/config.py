@@ -11,7 +11,7 @@ import torch
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from envs.config import MAX_FREQ_HZ, EnvConfig, Freq, NonNegative, Positive, Strict
-from envs.observations import GROUPS
+from envs.observations import TERMS
 
 Count = Annotated[int, Field(ge=1)]
 Share = Annotated[float, Field(gt=0, le=1)]
@@ -107,6 +107,7 @@ class TrainConfig(Strict):
     evaluation: EvaluationConfig
     seed: Annotated[int, Field(ge=0, lt=2**31)]
     device: str
+    processes: Annotated[int, Field(ge=1, le=256)]
     threads: Count
     max_iterations: Count
     resume: str | None
@@ -116,22 +117,28 @@ class TrainConfig(Strict):
     @model_validator(mode="after")
     def _consistent(self) -> "TrainConfig":
         check_trial(self.evaluation, self.env)
+        for group, terms in self.env.observations.items():
+            unknown = sorted(set(terms) - set(TERMS))
+            if unknown:
+                raise ValueError(
+                    f"env.observations.{group}: unknown {', '.join(unknown)}; allowed are {', '.join(sorted(TERMS))}"
+                )
         known = set(self.env.observations)
-        unknown = sorted(known - set(GROUPS))
-        if unknown:
-            raise ValueError(f"env.observations: unknown {', '.join(unknown)}; allowed are {', '.join(sorted(GROUPS))}")
         for network, groups in (("actor", self.agent.obs_groups.actor), ("critic", self.agent.obs_groups.critic)):
             missing = sorted(set(groups) - known)
             if missing:
                 raise ValueError(
-                    f"agent.obs_groups.{network}: {', '.join(missing)} not among env.observations "
+                    f"agent.obs_groups.{network}: {', '.join(missing)} not among the groups of env.observations "
                     f"({', '.join(sorted(known))})"
                 )
-        samples, parts = self.env.num_envs * self.agent.num_steps_per_env, self.agent.algorithm.num_mini_batches
-        if samples < 2 * parts:
+        if self.env.num_envs % self.processes:
+            raise ValueError(f"env.num_envs = {self.env.num_envs} cannot be shared equally among {self.processes} processes")
+        own = self.env.num_envs // self.processes * self.agent.num_steps_per_env
+        parts = self.agent.algorithm.num_mini_batches
+        if own < 2 * parts:
             raise ValueError(
-                f"env.num_envs x agent.num_steps_per_env = {samples} samples do not fill {parts} mini-batches with two "
-                "samples each: raise one of the former, or lower agent.algorithm.num_mini_batches"
+                f"env.num_envs x agent.num_steps_per_env = {own} samples a process do not fill {parts} mini-batches with "
+                "two samples each: raise one of the former, or lower agent.algorithm.num_mini_batches"
             )
         return self
 

@@ -11,7 +11,7 @@ from rsl_rl.runners import OnPolicyRunner
 from rsl_rl.utils.logger import Logger
 
 from envs.head_tracking import HeadTrackingEnv
-from posture import run_dir
+from posture import parallel, run_dir
 from posture.config import AgentConfig, ConfigError
 from posture.progress import Progress, Status
 
@@ -25,10 +25,12 @@ class Learner(OnPolicyRunner):
     env: HeadTrackingEnv
     logger: Logger
     current_learning_iteration: int
+    is_distributed: bool
 
     def __init__(self, env: HeadTrackingEnv, agent: AgentConfig, folder: Path, device: str) -> None:
         config = agent.model_dump(mode="json")
         config["logger"] = "tensorboard"
+        config["algorithm"]["class_name"] = "posture.ppo:LeanPPO"
         # rsl-rl would save after iterations 1, 51, 101, ...; `save` is asked every time and keeps 50, 100, ... and the last.
         config["save_interval"] = 1
         self._save_interval, self._last = agent.save_interval, 0
@@ -46,6 +48,9 @@ class Learner(OnPolicyRunner):
             device=device,
         )
         self.folder = folder
+        if self.is_distributed:
+            self.alg.broadcast_parameters()
+            self.is_distributed = False  # rsl-rl would do it again at every `learn`, and say so
 
     def train(self, total_iterations: int) -> None:
         """Learn until `total_iterations` iterations are done, those before a resume included."""
@@ -58,11 +63,14 @@ class Learner(OnPolicyRunner):
         done = self.current_learning_iteration + 1
         if done % self._save_interval and done != self._last:
             return
+        states = parallel.gather(self._own_state())
+        if parallel.rank() != 0:
+            return
         content = self.alg.save()
         content["iter"] = done
         content["infos"] = infos
         run_dir.save(content, Path(path).with_name(f"model_{done}.pt"))
-        run_dir.save(self._resume_state(done), self.folder / "resume.pt")
+        run_dir.save({"iteration": done, "processes": states}, self.folder / "resume.pt")
 
     def load(
         self, path: str, load_cfg: dict[str, Any] | None = None, strict: bool = True, map_location: str | None = None
@@ -79,9 +87,12 @@ class Learner(OnPolicyRunner):
 
     def resume(self) -> None:
         """Go on from the newest checkpoint of the run's folder exactly as if there had been no break."""
-        state = run_dir.load(self.folder / "resume.pt", self.device)
+        kept = run_dir.load(self.folder / "resume.pt", self.device)
         try:
-            self.load(str(self.folder / f"model_{state['iteration']}.pt"))
+            self.load(str(self.folder / f"model_{kept['iteration']}.pt"))
+            if len(kept["processes"]) != parallel.size():
+                raise ValueError(f"{len(kept['processes'])} processes have trained it, not {parallel.size()}")
+            state = kept["processes"][parallel.rank()]
             self.env.load_state_dict(state["env"])
             self._load_logger(state["logger"])
             torch.set_rng_state(state["rng"].cpu())
@@ -91,9 +102,9 @@ class Learner(OnPolicyRunner):
             reason = " ".join(str(error).split())[:200]
             raise ConfigError(f"{self.folder / 'resume.pt'}: does not fit this run's configuration ({reason})") from None
 
-    def _resume_state(self, done: int) -> dict[str, Any]:
+    def _own_state(self) -> dict[str, Any]:
+        """What this process needs for an exact resume, beside the policy."""
         state: dict[str, Any] = {
-            "iteration": done,
             "env": self.env.state_dict(),
             "rng": torch.get_rng_state(),
             "logger": {name: getattr(self.logger, name) for name in ("tot_timesteps", "tot_time", *_LOGGER_TENSORS)}
@@ -103,6 +114,21 @@ class Learner(OnPolicyRunner):
             state["cuda_rng"] = torch.cuda.get_rng_state(self.device)
         return state
 
+    def _configure_multi_gpu(self) -> None:
+        """Join the processes that share the training: on a CPU those of `posture.parallel`, on GPUs rsl-rl's own."""
+        if self.device != "cpu":
+            super()._configure_multi_gpu()
+            return
+        self.gpu_world_size, self.gpu_global_rank, self.gpu_local_rank = parallel.size(), parallel.rank(), parallel.rank()
+        self.is_distributed = self.gpu_world_size > 1
+        self.cfg["multi_gpu"] = None
+        if self.is_distributed:
+            self.cfg["multi_gpu"] = {
+                "global_rank": self.gpu_global_rank,
+                "local_rank": self.gpu_local_rank,
+                "world_size": self.gpu_world_size,
+            }
+
     def _load_logger(self, state: dict[str, Any]) -> None:
         self.logger.tot_timesteps, self.logger.tot_time = state["tot_timesteps"], state["tot_time"]
         for name in _LOGGER_TENSORS:
@@ -111,12 +137,25 @@ class Learner(OnPolicyRunner):
             setattr(self.logger, name, deque(state[name], maxlen=getattr(self.logger, name).maxlen))
 
 
+class Nowhere:
+    """A writer of a process that writes nothing."""
+
+    def add_scalar(self, *_: Any) -> None:
+        """Write nothing."""
+
+
 class ProgressLogger(Logger):
     """rsl-rl's TensorBoard logger, with our progress line instead of its page of text an iteration."""
 
     def __init__(self, **arguments: Any) -> None:
         super().__init__(**arguments)
         self._progress = Progress()
+
+    def init_logging_writer(self) -> None:
+        """Begin to write; a process that does not write still counts, since `save` is asked of those that have a writer."""
+        super().init_logging_writer()
+        if self.disable_logs:
+            self.writer = Nowhere()
 
     def log(self, it: int, start_it: int, total_it: int, collect_time: float, learn_time: float, **rest: Any) -> None:
         """Write the iteration to TensorBoard and show it."""
@@ -127,12 +166,14 @@ class ProgressLogger(Logger):
                 it=it, start_it=start_it, total_it=total_it, collect_time=collect_time, learn_time=learn_time, **rest
             )
         seconds = collect_time + learn_time
+        if self.disable_logs:
+            return
         self._recent = (*getattr(self, "_recent", ()), seconds)[-20:]
         self._progress.show(
             Status(
                 iteration=it + 1,
                 total=total_it,
-                steps_per_s=self.num_envs * self.cfg["num_steps_per_env"] / seconds,
+                steps_per_s=self.num_envs * self.gpu_world_size * self.cfg["num_steps_per_env"] / seconds,
                 reward=sum(self.rewbuffer) / len(self.rewbuffer) if self.rewbuffer else None,
                 episode_length=sum(self.lenbuffer) / len(self.lenbuffer) if self.lenbuffer else None,
                 error_mm=error_mm,

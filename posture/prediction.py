@@ -6,12 +6,13 @@ import math
 from dataclasses import asdict, fields
 
 from envs.config import EnvConfig
+from envs.segments import Segments
 from posture.coordination import Row, mode
 from posture.motion import MotionIndices, indices
 from posture.optimum import bound, cheapest_sinusoid
 from posture.program import InfeasibleError
 from posture.reward_optimum import reward_terms
-from posture.stander import Segments, Stander, linearise
+from posture.stander import Stander, linearise
 
 AT_THE_EDGE_M = 1e-4
 """The centre of pressure binds where it comes this close to an end of the foot [m]."""

@@ -14,11 +14,12 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from envs.segments import Segments
 from posture.coordination import Row
 from posture.figures import GREY, MODE_COLOUR, STYLE
 from posture.motion import Motion
 from posture.optimum import cheapest_sinusoid
-from posture.stander import ANKLE, HIP, Segments, linearise
+from posture.stander import ANKLE, HIP, linearise
 from posture.theory_config import TheoryConfig
 from posture.theory_tables import varied
 from posture.transition import sinusoid_transition

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from envs.config import EnvConfig
+from envs.segments import Segments
 from posture.coordination import Row, mode
 from posture.optimum import bound
 from posture.prediction import predict
 from posture.program import InfeasibleError
-from posture.stander import Segments, linearise
+from posture.stander import linearise
 from posture.theory_config import TheoryConfig
 from posture.transition import bound_transition, hip_ankle_correlation, reward_transition, sinusoid_transition
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import torch
 
-from posture import cli, run_dir
+from posture import cli, parallel, run_dir
 from posture.config import ConfigError, TrainConfig, check_device
 from posture.progress import preparing
 
@@ -21,27 +21,40 @@ def train(config: TrainConfig, folder: Path) -> None:
     """Run one training job in `folder`."""
     if config.resume is not None:
         config = _resumed(config, folder)
+    with parallel.crew(config.processes, config.device, _learn, config, folder):
+        _learn(config, folder)
+    if parallel.rank() != 0:
+        return
+    if config.evaluate:
+        from posture.evaluation import evaluate_run
+
+        evaluate_run(folder, config)
+    print(f"run: {folder}")
+
+
+def _learn(config: TrainConfig, folder: Path) -> None:
+    """This process's share of the training."""
     # Only now, so that bad input is answered before physics takes seconds to import.
     from envs.head_tracking import HeadTrackingEnv
-    from posture.evaluation import evaluate_run
     from posture.learner import Learner
 
+    rank, size = parallel.rank(), parallel.size()
+    device = f"cuda:{rank}" if size > 1 and config.device == "cuda" else config.device
     torch.set_num_threads(config.threads)
-    torch.manual_seed(config.seed)
-    run_dir.writable(folder)
-    if config.resume is None:
-        run_dir.write_config(folder, config)
+    torch.manual_seed(config.seed + 1_000_003 * rank)
+    if rank == 0:
+        run_dir.writable(folder)
+        if config.resume is None:
+            run_dir.write_config(folder, config)
     with preparing():
-        env = HeadTrackingEnv(config.env, config.seed, config.device)
-        learner = Learner(env, config.agent, folder, config.device)
+        env = HeadTrackingEnv(config.env, config.seed, device, (rank, size))
+        learner = Learner(env, config.agent, folder, device)
         env.warm_up()
         if config.resume is not None:
             learner.resume()
-            run_dir.write_config(folder, config)  # only now that it is known to fit
+            if rank == 0:
+                run_dir.write_config(folder, config)  # only now that it is known to fit
     learner.train(config.max_iterations)
-    if config.evaluate:
-        evaluate_run(folder, config)
-    print(f"run: {folder}")
 
 
 def _resumed(config: TrainConfig, folder: Path) -> TrainConfig:

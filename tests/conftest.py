@@ -7,9 +7,10 @@ import pytest
 import torch
 
 from envs.config import EnvConfig
+from envs.segments import Segments
 from posture.cli import CONF, plain
 from posture.config import EvalConfig, TrainConfig, read
-from posture.stander import Segments, segments
+from posture.stander import segments
 
 
 def compose(*overrides: str) -> TrainConfig:

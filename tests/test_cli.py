@@ -85,9 +85,11 @@ def runs():
         ("env.num_envs=2.5", ["env.num_envs = 2.5", "integer"]),
         ("env.control_dt=0", ["env.control_dt"]),
         ("env.termination.head_tolerance=0.3", ["head_tolerance", "beyond the target's whole path"]),
-        ("env.observations=[head,balance]", ["unknown balance", "joint_angle"]),
+        ("env.observations.policy=[head,balance]", ["unknown balance", "joint_angle"]),
         ("agent.obs_groups.actor=[foot_wrench]", ["agent.obs_groups.actor", "foot_wrench not among"]),
-        ("env.num_envs=1 agent.num_steps_per_env=4", ["do not fill 16 mini-batches"]),
+        ("env.num_envs=2 agent.num_steps_per_env=4", ["4 samples a process do not fill 16 mini-batches"]),
+        ("env.num_envs=3", ["env.num_envs = 3 cannot be shared equally among 2 processes"]),
+        ("processes=0", ["processes = 0"]),
         ("agent.algorithm.gamma=1.5", ["agent.algorithm.gamma = 1.5", "less than or equal to 1"]),
         ("agent.actor.class_name=os.system", ["agent.actor.class_name", "MLPModel"]),
         ("env=papers", ["env/papers", "authors_code"]),
@@ -236,9 +238,10 @@ def same(a, b):
     return torch.equal(a, b) if isinstance(a, torch.Tensor) else a == b
 
 
-def test_resume_goes_on_exactly(monkeypatch, capsys):
+@pytest.mark.parametrize("processes", [1, 2])
+def test_resume_goes_on_exactly(monkeypatch, capsys, processes):
     """Two iterations, a break and two more equal four without a break, bit for bit."""
-    quick = [*TINY, "evaluate=false", "env.num_envs=16"]
+    quick = [*TINY, "evaluate=false", "env.num_envs=16", f"processes={processes}"]
     call(monkeypatch, "train", *quick)
     run = runs()[0]
     call(monkeypatch, "train", f"resume={run}", "max_iterations=4")
@@ -249,7 +252,9 @@ def test_resume_goes_on_exactly(monkeypatch, capsys):
     ours, theirs = (torch.load(path / "model_4.pt", weights_only=True) for path in (run, other))
     assert ours["iter"] == 4 and same(ours, theirs)
     ours, theirs = (torch.load(path / "resume.pt", weights_only=True) for path in (run, other))
-    assert same(ours["env"], theirs["env"]) and same(ours["rng"], theirs["rng"])
+    assert len(ours["processes"]) == processes
+    for one, other_one in zip(ours["processes"], theirs["processes"], strict=True):
+        assert same(one["env"], other_one["env"]) and same(one["rng"], other_one["rng"])
 
     kept = {path: path.read_bytes() for path in run.glob("*.yaml")}
     assert len(yaml.safe_load((run / "provenance.yaml").read_text())) == 2

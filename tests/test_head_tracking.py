@@ -7,7 +7,13 @@ import torch
 
 from envs import terminations
 from envs.head_tracking import HeadTrackingEnv
-from envs.observations import GROUPS
+from envs.observations import TERMS
+
+
+@pytest.fixture(params=["sagittal", "mujoco"], autouse=True)
+def env_config(request, env_config):
+    """Every test is for both engines."""
+    return lambda *overrides: env_config(f"env.physics={request.param}", *overrides)
 
 
 def environment(env_config, *overrides, seed=1):
@@ -97,12 +103,18 @@ def test_time_out_is_not_an_early_end(env_config):
 
 
 def test_observation_groups(env_config):
-    env = environment(env_config, f"env.observations=[{','.join(GROUPS)}]")
+    groups = ",".join(f"{name}:[{name}]" for name in TERMS)
+    env = environment(env_config, f"++env.observations={{{groups},policy:[{','.join(TERMS)}]}}")
     env.step(torch.tensor([[-0.1, 0.05]] * 4))
     groups = env.get_observations()
-    sizes = {name: groups[name].shape for name in GROUPS}
+    sizes = {name: groups[name].shape for name in TERMS}
     assert all(len(shape) == 2 and shape[0] == 4 for shape in sizes.values())
     assert sizes["joint_angle"] == (4, 4) and sizes["foot_wrench"] == (4, 12) and sizes["foot_position"] == (4, 6)
+    assert torch.equal(groups["policy"], torch.cat([groups[name] for name in TERMS], -1))
+    assert torch.allclose(groups["hip_ankle_angle"], groups["joint_angle"][:, :2], atol=1e-6)
+    assert torch.equal(groups["torso_motion"][:, 2], groups["torso_angular_velocity"][:, 1])
+    assert torch.equal(groups["last_command"], torch.tensor([[-0.1, 0.05]] * 4))
+    assert torch.allclose(groups["feet_place"], groups["foot_position"][:, [0, 2]], atol=1e-6)
     assert groups["target_error"][:, 0].tolist() == pytest.approx((env.target_x - env.head_x).tolist())
     assert groups["torso_height"][0, 0] == pytest.approx(1.286, abs=0.01)
     assert groups["torso_orientation"][0].tolist() == pytest.approx([0.0, 0.0, 1.0], abs=1e-3)
@@ -115,10 +127,10 @@ def test_the_authors_observation_has_47_values(env_config):
 
 def test_foot_wrench_by_hand(env_config):
     """Standing: each foot carries half the weight, and its moment about the foot frame is minus lever times force."""
-    env = environment(env_config, "env.observations=[foot_wrench]", "env.termination.head_tolerance=null")
+    env = environment(env_config, "env.observations.policy=[foot_wrench]", "env.termination.head_tolerance=null")
     for _ in range(20):
         observation, *_ = env.step(still(env))
-    wrench = observation["foot_wrench"][0].view(2, 6)
+    wrench = observation["policy"][0].view(2, 6)
     force, place = env.sim.sole_force[0], env.sim.sole_position[0]
     assert wrench[:, 2].tolist() == pytest.approx([40.154 * 9.81 / 2] * 2, rel=0.01)
     about_y = [sum(float(-place[foot, end, 0] * force[foot, end, 2]) for end in (0, 1)) for foot in (0, 1)]
@@ -127,17 +139,17 @@ def test_foot_wrench_by_hand(env_config):
 
 def test_pitch_is_the_sum_of_joint_angles_on_flat_feet(env_config):
     """Foot, leg and HAT are a chain about parallel axes: torso pitch + hip + ankle = foot pitch, here about 0."""
-    env = environment(env_config, "env.observations=[torso_pitch]", "env.termination.head_tolerance=null")
+    env = environment(env_config, "env.observations.policy=[torso_pitch]", "env.termination.head_tolerance=null")
     for _ in range(6):
         observation, *_ = env.step(torch.tensor([[-0.1, 0.05]] * 4))
     hip, ankle = env.sim.joint_angle[0, :2].tolist()
     assert abs(hip) > 0.005
-    assert float(observation["torso_pitch"][0]) == pytest.approx(-(hip + ankle), abs=2e-3)
+    assert float(observation["policy"][0]) == pytest.approx(-(hip + ankle), abs=2e-3)
 
 
 def test_unknown_observations_are_refused(env_config):
     with pytest.raises(ValueError, match=r"unknown \['balance'\]; allowed are"):
-        environment(lambda *o: env_config().model_copy(update={"observations": ("head", "balance")}))
+        environment(lambda *o: env_config().model_copy(update={"observations": {"policy": ("head", "balance")}}))
 
 
 def test_world_of_many_equals_world_of_few(env_config):

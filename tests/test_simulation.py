@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import torch
 
-from envs.body import JOINTS, MJCF
 from envs.simulation import ConstraintOverflowError
 from envs.spatial import SpatialSimulation
+from tests.mujoco_c import MujocoC
 
 GRAVITY = 9.81
 
@@ -24,38 +24,6 @@ def simulation(config, worlds=1, height=0.0):
 def torques(*hip_ankle):
     """One row of joint torques for each (hip, ankle), left as right."""
     return torch.tensor([[hip, ankle, hip, ankle] for hip, ankle in hip_ankle], dtype=torch.float32)
-
-
-class MujocoC:
-    """The same file in MuJoCo's C solver, in double precision."""
-
-    def __init__(self, config, height=0.0, timestep=None):
-        model = mujoco.MjModel.from_xml_path(str(MJCF))
-        model.opt.timestep = timestep or config.control_dt / config.solver.substeps
-        model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
-        model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
-        hinges = [model.joint(name).id for name in JOINTS]
-        model.jnt_stiffness[hinges] = [config.hip_k, config.ankle_k] * 2
-        dofs = model.jnt_dofadr[hinges]
-        model.dof_damping[dofs] = config.joint_damping
-        model.dof_armature[dofs] = config.joint_armature
-        # Newton writes joint limits as stiffness and damping; the trials below stay away from them.
-        self.model, self.data, self.dofs = model, mujoco.MjData(model), dofs
-        mujoco.mj_setConst(model, self.data)  # contact softness depends on the armature
-        self.angles = model.jnt_qposadr[hinges]
-        self.data.qpos[2] += height
-
-    def step(self, torque, substeps):
-        self.data.qfrc_applied[self.dofs] = torque
-        for _ in range(substeps):
-            mujoco.mj_step(self.model, self.data)
-
-    def energy(self):
-        """Kinetic plus potential energy of body and springs [J]."""
-        mujoco.mj_forward(self.model, self.data)
-        mujoco.mj_energyPos(self.model, self.data)
-        mujoco.mj_energyVel(self.model, self.data)
-        return float(self.data.energy.sum())
 
 
 def test_agrees_with_mujoco_c(config):

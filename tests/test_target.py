@@ -52,7 +52,7 @@ def test_ramp_of_experiment_4a():
 
 
 def draws(draw, worlds=1000, episodes=50, seed=3):
-    source = FrequencySource((0.015, 1.5), None, draw, worlds, seed, CPU)
+    source = FrequencySource((0.015, 1.5), None, draw, torch.arange(worlds), worlds, seed)
     return torch.stack([source.draw(torch.full((worlds,), k)) for k in range(episodes)])
 
 
@@ -90,8 +90,8 @@ def test_seeds_worlds_and_episodes_draw_independently():
 
 def test_fixed_and_ramp_sources():
     episode = torch.zeros(3, dtype=torch.long)
-    assert FrequencySource(1.2, None, "uniform", 3, 0, CPU).draw(episode).tolist() == pytest.approx([1.2] * 3)
-    ramp = FrequencySource(1.0, Ramp(start=0.1, rate=0.036, duration=25.0), "stratified", 3, 0, CPU)
+    assert FrequencySource(1.2, None, "uniform", torch.arange(3), 3, 0).draw(episode).tolist() == pytest.approx([1.2] * 3)
+    ramp = FrequencySource(1.0, Ramp(start=0.1, rate=0.036, duration=25.0), "stratified", torch.arange(3), 3, 0)
     assert ramp.draw(episode).tolist() == pytest.approx([0.1] * 3)
     assert ramp.rate.tolist() == pytest.approx([0.036] * 3) and ramp.duration.tolist() == [25.0] * 3
     ramp.fix(torch.tensor([0.2, 0.4, 0.6]))

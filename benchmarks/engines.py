@@ -1,0 +1,227 @@
+"""How many control steps a second the task makes on each physics engine, and how much memory a world takes.
+
+    python benchmarks/engines.py [--worlds 1 16 256 1024 4096 16384] [--engines sagittal mujoco mujoco_c gymnasium ...]
+                                 [--csv benchmarks/engines.csv] [--device cpu] [--repeats 3] [--seconds 2]
+
+Engines:
+    sagittal, mujoco: `HeadTrackingEnv` with that `env.physics`; the whole environment under random actions, worlds reset as
+        it does, and the physics alone (`env.sim.step`). mujoco's kernels run on one thread of a CPU; sagittal is measured on
+        one and on as many as there are cores, of which it uses fewer where the worlds are few.
+    mujoco_c: `mujoco.rollout`, MuJoCo's C engine; physics alone, on one thread and on as many as there are cores. A world
+        that is not at work is no more than a row of numbers to it, so it has no memory a world.
+    gymnasium: the environment of gym_stander.py, its worlds shared out to one process a core; up to 1024 worlds.
+    gymnasium_async: the same as Gymnasium comes, AsyncVectorEnv with a process a world; up to 64 worlds.
+
+Prints and writes one row a measurement: world control steps/s (two physics steps each as configured), and bytes a world: the
+growth of memory over the fewest worlds measured, divided by the added worlds. Physics alone starts from standing every half
+second and is driven by small random torques, since a body left to itself falls. Each measurement has a process of its own;
+all are repeated in turn, and the median stands. All rows are of one run; compare ratios, since machines differ and drift.
+"""
+
+import argparse
+import math
+import os
+import statistics
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import torch
+from mujoco.rollout import Rollout
+from mujoco_c import build
+from shared import alone, compose, hardware, memory, missing, timed, write
+
+from envs.config import EnvConfig
+from envs.head_tracking import HeadTrackingEnv
+from envs.simulation import ConstraintOverflowError
+
+ENGINES = ("sagittal", "mujoco", "mujoco_c", "gymnasium", "gymnasium_async")
+REFERENCE = "mujoco"
+TRIAL = 32
+"""Control steps from standing: half a second, in which the feet stay on the ground."""
+NOISE = 0.2
+"""Standard deviation of the random actions, that of a policy that begins to learn; of torques a tenth of it."""
+MOST = {"gymnasium": 1024, "gymnasium_async": 64}
+"""Worlds beyond which an engine is not run, since it would only take longer to build."""
+BLOCK = 1024
+"""Worlds in one call of mujoco.rollout: enough to keep its threads busy, and few enough for a call to be short."""
+STANDS_OUT = 4 * 2**20
+"""Growth of memory that is more than what that of a process varies by [bytes]."""
+RATES = ("env_steps_per_s", "physics_steps_per_s")
+COLUMNS = ("engine", "worlds", "threads", *RATES, "bytes_per_world", "contacts_dropped", "device", "cores")
+Row = dict[str, Any]
+
+
+def main() -> None:
+    """Measure, print and write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--worlds", type=int, nargs="+", default=[1, 16, 256, 1024, 4096, 16384])
+    parser.add_argument("--engines", nargs="+", choices=ENGINES, default=list(ENGINES))
+    parser.add_argument("--csv", type=Path, default=Path(__file__).with_name("engines.csv"))
+    parser.add_argument("--device", default="cpu", help="of sagittal and mujoco")
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--seconds", type=float, default=2.0, help="at least, for each number of a row")
+    arguments = parser.parse_args()
+    engines = list(arguments.engines)
+    ours = [engine for engine in engines if not engine.startswith("gymnasium")]
+    if engines != ours and (lacking := missing("gymnasium")):
+        print(f"gymnasium: {lacking}")
+        engines = ours
+    cases = [(e, w, t) for w in sorted(set(arguments.worlds)) for e in engines for t in threads(e, w)]
+    taken: dict[tuple[str, int, int], list[Row]] = {case: [] for case in cases}
+    for case in cases * arguments.repeats:
+        taken[case].append(alone(measure, *case, arguments.device, arguments.seconds))
+        print(taken[case][-1], flush=True)
+    rows = summary([{**repeats[0], **median(repeats)} for repeats in taken.values()])
+    print(table(rows))
+    write(rows, arguments.csv)
+
+
+def threads(engine: str, worlds: int) -> list[int]:
+    """On how many threads or processes an engine is measured with so many worlds."""
+    cores = os.cpu_count() or 1
+    if worlds > MOST.get(engine, worlds):
+        return []
+    several = {"gymnasium": [min(cores, worlds)], "gymnasium_async": [worlds], "mujoco": [1]}
+    return several.get(engine, sorted({1, cores}))
+
+
+def measure(engine: str, worlds: int, threads: int, device: str, seconds: float) -> Row:
+    """One row, with `bytes` in use at its end; where physics dropped contacts, without numbers."""
+    overrides = [f"env.num_envs={worlds}", "agent.algorithm.num_mini_batches=1", "processes=1"]
+    if engine in ("sagittal", "mujoco"):
+        overrides.append(f"env.physics={engine}")
+    else:
+        device = "cpu"
+    torch.set_num_threads(threads if engine == "sagittal" else 1)
+    torch.manual_seed(0)
+    row: Row = {"engine": engine, "worlds": worlds, "threads": threads, "contacts_dropped": False}
+    row |= dict.fromkeys((*RATES, "bytes"))
+    try:
+        row |= _MEASURES[engine](compose(*overrides).env, worlds, threads, device, seconds)
+    except ConstraintOverflowError as error:
+        print(f"NOT VALID: {engine}, {worlds} worlds: {error}")
+        row["contacts_dropped"] = True
+    return row | hardware(device)
+
+
+def rate(step: Callable[[int], Any], begin: Callable[[], Any], device: str, seconds: float) -> float:
+    """Calls of `step(i)` a second over at least `seconds` and three calls, in trials of i = 0, 1, ... up to `TRIAL`, each
+    after a `begin()` that is not timed."""
+    begin()
+    step(0)
+    estimate = timed(device, lambda: step(1))
+    calls = min(TRIAL, max(3, math.ceil(seconds / estimate)))
+    spent, count = 0.0, 0
+    while spent < seconds:
+        begin()
+        spent += timed(device, lambda: [step(i) for i in range(calls)])
+        count += calls
+    return count / spent
+
+
+def _ours(config: EnvConfig, worlds: int, _: int, device: str, seconds: float) -> Row:
+    env = HeadTrackingEnv(config, 0, device)
+    env.warm_up()
+    actions = NOISE * torch.randn(TRIAL, worlds, env.num_actions, device=device)
+    whole = rate(lambda i: env.step(actions[i]), lambda: None, device, seconds)
+    env.sim.check_capacity()
+    torques = _torques(config, TRIAL, worlds, 4).to(device)
+    everyone = torch.ones(worlds, dtype=torch.bool, device=device)
+    physics = rate(lambda i: env.sim.step(torques[i]), lambda: env.sim.reset(everyone), device, seconds)
+    env.sim.check_capacity()
+    return {"env_steps_per_s": whole * worlds, "physics_steps_per_s": physics * worlds, "bytes": memory(device)}
+
+
+def _mujoco_c(config: EnvConfig, worlds: int, threads: int, device: str, seconds: float) -> Row:
+    model, data = build(config)
+    full = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    standing = np.empty(mujoco.mj_stateSize(model, full))
+    mujoco.mj_getState(model, data, standing, full)
+    block, steps = min(worlds, BLOCK), TRIAL * config.solver.substeps
+    # Each torque is held for a control step; the root, whose six come first, is left alone.
+    torques = np.zeros((block, steps, model.nv))
+    torques[..., -4:] = np.repeat(_torques(config, block, TRIAL, 4).numpy(), config.solver.substeps, axis=1)
+    state = np.empty((block, steps, len(standing)))
+    datas = [mujoco.MjData(model) for _ in range(threads)]
+    keys = {"control_spec": mujoco.mjtState.mjSTATE_QFRC_APPLIED, "nstep": steps, "state": state}
+    with Rollout(nthread=threads if threads > 1 else 0) as pool:
+        trials = rate(lambda _: pool.rollout(model, datas, standing, torques, **keys), lambda: None, device, seconds)
+    return {"physics_steps_per_s": trials * TRIAL * block}
+
+
+def _gymnasium(config: EnvConfig, worlds: int, processes: int, device: str, seconds: float) -> Row:
+    from gym_stander import Pool
+
+    return _stepped(Pool(config, worlds, processes, seed=0), worlds, device, seconds)
+
+
+def _gymnasium_async(config: EnvConfig, worlds: int, _: int, device: str, seconds: float) -> Row:
+    from gym_stander import FORK, StanderEnv, shares
+    from gymnasium.vector import AsyncVectorEnv, AutoresetMode
+
+    own = [partial(StanderEnv, part) for part in shares(config, worlds)]
+    env = AsyncVectorEnv(own, context=FORK, autoreset_mode=AutoresetMode.SAME_STEP)
+    env.reset(seed=0)
+    return _stepped(env, worlds, device, seconds)
+
+
+def _stepped(env: Any, worlds: int, device: str, seconds: float) -> Row:
+    actions = (NOISE * torch.randn(TRIAL, worlds, 2)).clamp(-1.0, 1.0).numpy()
+    whole = rate(lambda i: env.step(actions[i]), lambda: None, device, seconds)
+    row = {"env_steps_per_s": whole * worlds, "bytes": memory(device)}
+    env.close()
+    return row
+
+
+def _torques(config: EnvConfig, *shape: int) -> torch.Tensor:
+    return 0.1 * NOISE * config.torque_limit * torch.randn(*shape)
+
+
+_MEASURES = {
+    "sagittal": _ours,
+    "mujoco": _ours,
+    "mujoco_c": _mujoco_c,
+    "gymnasium": _gymnasium,
+    "gymnasium_async": _gymnasium_async,
+}
+
+
+def median(repeats: list[Row]) -> Row:
+    """The median of each number of the rows of one measurement, None where one is lacking."""
+    lists = {key: [row[key] for row in repeats] for key in (*RATES, "bytes")}
+    numbers = {key: None if None in values else round(statistics.median(values)) for key, values in lists.items()}
+    return numbers | {"contacts_dropped": any(row["contacts_dropped"] for row in repeats)}
+
+
+def summary(rows: list[Row]) -> list[Row]:
+    """The rows as they are written: with bytes a world, from the growth over the engine's row with the fewest worlds."""
+    least: dict[str, Row] = {}
+    for row in rows:
+        base = least.setdefault(row["engine"], row)
+        grown = (row["bytes"] or 0) - (base["bytes"] or 0)
+        row["bytes_per_world"] = round(grown / (row["worlds"] - base["worlds"])) if grown > STANDS_OUT else None
+    return [{column: row[column] for column in COLUMNS} for row in rows]
+
+
+def table(rows: list[Row]) -> str:
+    """The rows for reading, rates also as multiples of the reference at the same number of worlds."""
+    reference = {row["worlds"]: row for row in rows if row["engine"] == REFERENCE}
+    lines = [f"{'engine':16}{'worlds':>7}{'threads':>8}{'env steps/s':>22}{'physics steps/s':>22}{'bytes/world':>13}"]
+    for row in rows:
+        cells = ""
+        for name in RATES:
+            other = reference.get(row["worlds"], {}).get(name)
+            times = f"({row[name] / other:.2f}x)" if row[name] and other else ""
+            cells += f"{'-' if row[name] is None else format(row[name], ','):>12} {times:>9}"
+        memory = "-" if row["bytes_per_world"] is None else format(row["bytes_per_world"], ",")
+        flag = "  NOT VALID: physics dropped contacts" if row["contacts_dropped"] else ""
+        lines.append(f"{row['engine']:16}{row['worlds']:>7}{row['threads']:>8}{cells}{memory:>13}{flag}")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,202 @@
+"""How fast policies are learned: ours, and Stable-Baselines3's PPO on the Gymnasium environment of gym_stander.py.
+
+    python benchmarks/learners.py [--learners ours sb3] [--worlds N] [--budget 600] [--every 30] [--device cpu]
+                                  [--csv benchmarks/learners.csv] [--curves benchmarks/learners_curves.csv] [overrides ...]
+
+Each learner trains on the default task for `--budget` seconds, in a process of its own, one after the other. Every `--every`
+seconds, with the clock stopped, its deterministic policy is evaluated in our environment as conf/evaluation says: cost ratio
+is the mean over the frequencies of cost over least cost, over those at which it did not fall.
+
+Writes one row a learner: training samples/s, the seconds after which the cost ratio was first at most 1.25 without a fall
+(empty if never), the best cost ratio without a fall (empty if it always fell), the falls of the last evaluation, and the
+processes that step worlds with the threads that torch has in each. The curves hold one row an evaluation.
+
+SB3 is given our numbers of worlds, horizon, epochs, mini-batches, discount, clipping, networks, normalised observations and
+first learning rate. It has no learning rate that adapts to the KL divergence, and no bounds on the standard deviation.
+Overrides are Hydra's, e.g. env.physics=mujoco.
+"""
+
+import argparse
+import contextlib
+import os
+import statistics
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import torch
+from shared import alone, compose, hardware, missing, write
+from torch import distributed
+
+from envs.head_tracking import HeadTrackingEnv
+from posture import parallel
+from posture.config import TrainConfig
+from posture.coordination import indices
+from posture.evaluation import AS_TRAINED, beside_theory, trial_config
+from posture.learner import Learner
+from posture.rollout import Policy, rollout
+
+GOOD = 1.25
+"""Cost ratio that counts as learned: within 25 % of the least cost."""
+FOREVER = 10**9
+"""Iterations, or samples, that no budget allows."""
+NEEDS = ("gymnasium", "stable-baselines3")
+Row = dict[str, Any]
+
+
+def main() -> None:
+    """Measure, print and write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--learners", nargs="+", choices=list(_LEARNERS), default=list(_LEARNERS))
+    parser.add_argument("--worlds", type=int, help="instead of env.num_envs")
+    parser.add_argument("--budget", type=float, default=600.0, help="seconds of training for each learner")
+    parser.add_argument("--every", type=float, default=30.0, help="seconds of training between two evaluations")
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--csv", type=Path, default=Path(__file__).with_name("learners.csv"))
+    parser.add_argument("--curves", type=Path, default=Path(__file__).with_name("learners_curves.csv"))
+    parser.add_argument("overrides", nargs="*", default=[])
+    arguments = parser.parse_args()
+    overrides = [f"device={arguments.device}", *arguments.overrides]
+    if arguments.worlds:
+        overrides.append(f"env.num_envs={arguments.worlds}")
+    compose(*overrides)  # bad input shows here, not in the second learner
+    rows, curves = [], []
+    for learner in arguments.learners:
+        if learner == "sb3" and (lacking := missing(*NEEDS)):
+            print(f"sb3: {lacking}")
+            continue
+        row, curve = alone(measure, learner, tuple(overrides), arguments.budget, arguments.every)
+        print(row)
+        rows.append(row)
+        curves.extend(curve)
+    write(rows, arguments.csv)
+    write(curves, arguments.curves)
+
+
+def measure(learner: str, overrides: tuple[str, ...], budget: float, every: float) -> tuple[Row, list[Row]]:
+    """The row of a learner, and its curve."""
+    config = compose(*overrides)
+    torch.set_num_threads(config.threads)
+    torch.manual_seed(config.seed)
+    judge = Judge(learner, config, budget, every)
+    processes = _LEARNERS[learner](config, judge)
+    safe = [row for row in judge.curve if not row["falls"]]
+    good = (row["seconds"] for row in safe if row["cost_ratio_mean"] <= GOOD)
+    last = judge.curve[-1]
+    row = {
+        "learner": learner,
+        "samples_per_s": round(last["samples"] / last["seconds"]),
+        "budget_s": budget,
+        "time_to_125_s": next(good, None),
+        "best_cost_ratio": min((row["cost_ratio_mean"] for row in safe), default=None),
+        "falls": last["falls"],
+        "threads": torch.get_num_threads(),
+        "processes": processes,
+    }
+    return row | hardware(config.device), judge.curve
+
+
+class Judge:
+    """Evaluates a policy in training now and then, and tells when its time is up. Its own time does not count."""
+
+    def __init__(self, learner: str, config: TrainConfig, budget: float, every: float) -> None:
+        self._learner, self._config, self._budget, self._every = learner, config, budget, every
+        trial = trial_config(config.env, config.evaluation, AS_TRAINED)
+        self._env = HeadTrackingEnv(trial, config.seed, config.device)
+        self._env.warm_up()
+        self.curve: list[Row] = []
+        """One row an evaluation."""
+
+    def start(self) -> None:
+        """Training begins."""
+        self._since, self._due = time.perf_counter(), self._every
+
+    def over(self, samples: int, policy: Policy) -> bool:
+        """To be asked after each update: whether the budget is spent."""
+        if self._config.device.startswith("cuda"):
+            torch.cuda.synchronize()
+        now = time.perf_counter()
+        seconds = now - self._since
+        if seconds < min(self._due, self._budget):
+            return False
+        ratio, falls = self._evaluate(policy)
+        row = {"learner": self._learner, "seconds": round(seconds, 1), "samples": samples}
+        self.curve.append(row | {"cost_ratio_mean": ratio, "falls": falls})
+        print(self.curve[-1], flush=True)
+        self._due = seconds + self._every
+        self._since += time.perf_counter() - now
+        return seconds >= self._budget
+
+    def _evaluate(self, policy: Policy) -> tuple[float | None, int]:
+        evaluation = self._config.evaluation
+        freq = torch.tensor(evaluation.freq, dtype=torch.float64)
+        rows = indices(
+            rollout(self._env, policy, freq, evaluation.duration),
+            transient_s=evaluation.transient,
+            tolerance_m=evaluation.tolerance,
+            still_joint_deg=evaluation.still_joint_deg,
+        )
+        valid = [row["cost_ratio"] for row in beside_theory(rows, self._env.config, evaluation) if row["valid"]]
+        return (round(statistics.mean(valid), 4) if valid else None), len(rows) - len(valid)
+
+
+class _TimeUpError(Exception):
+    """The budget is spent."""
+
+
+class _JudgedLearner(Learner):
+    """Ours, judged where rsl-rl offers to save: after every iteration. Without a judge it goes by the first process."""
+
+    judge: Judge | None
+
+    def save(self, path: str, infos: dict[str, Any] | None = None) -> None:
+        over = [False]
+        if self.judge is not None:
+            samples = (self.current_learning_iteration + 1) * self.cfg["num_steps_per_env"] * self.env.config.num_envs
+            over = [self.judge.over(samples, self.get_inference_policy(self.device))]
+            self.alg.train_mode()
+        if parallel.size() > 1:
+            distributed.broadcast_object_list(over)
+        if over[0]:
+            raise _TimeUpError
+
+
+def _ours(config: TrainConfig, judge: Judge) -> int:
+    with parallel.crew(config.processes, config.device, _share, config, None):
+        _share(config, judge)
+    return config.processes
+
+
+def _share(config: TrainConfig, judge: Judge | None) -> None:
+    """What each process of our training does, as in posture/train.py."""
+    part = parallel.rank(), parallel.size()
+    torch.set_num_threads(config.threads)
+    torch.manual_seed(config.seed + part[0])
+    env = HeadTrackingEnv(config.env, config.seed, config.device, part)
+    env.warm_up()
+    with tempfile.TemporaryDirectory() as folder:
+        learner = _JudgedLearner(env, config.agent, Path(folder), config.device)
+        learner.judge = judge
+        if judge is not None:
+            judge.start()
+        with contextlib.suppress(_TimeUpError):
+            learner.train(FOREVER)
+        learner.logger.stop_logging_writer()
+
+
+def _sb3(config: TrainConfig, judge: Judge) -> int:
+    from sb3 import build, learn  # only here, since it may not be installed
+
+    processes = min(os.cpu_count() or 1, config.env.num_envs)
+    model = build(config, processes)
+    judge.start()
+    learn(model, judge.over, config)
+    return processes
+
+
+_LEARNERS = {"ours": _ours, "sb3": _sb3}
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,91 @@
+"""What the benchmarks share: configuration, clock, a process of one's own for a measurement, and the CSV file."""
+
+import csv
+import multiprocessing
+import os
+import platform
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import hydra
+import torch
+import warp as wp
+
+from posture.cli import CONF, plain
+from posture.config import TrainConfig, read
+
+
+def compose(*overrides: str) -> TrainConfig:
+    """The checked training configuration that these overrides give."""
+    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+        return read(TrainConfig, plain(hydra.compose("train", list(overrides))))
+
+
+def timed(device: str, work: Callable[[], Any]) -> float:
+    """Seconds that `work()` takes, on a GPU until it is really done."""
+    finish(device)
+    start = time.perf_counter()
+    work()
+    finish(device)
+    return time.perf_counter() - start
+
+
+def finish(device: str) -> None:
+    """Wait for the GPU."""
+    if device.startswith("cuda"):
+        wp.synchronize()
+        torch.cuda.synchronize()
+
+
+def memory(device: str) -> int | None:
+    """Bytes in use: on a GPU in all; else by this process, and by those that it started beyond what they share with it.
+
+    None where the system does not tell (it needs Linux).
+    """
+    if device.startswith("cuda"):
+        free, total = torch.cuda.mem_get_info(device)
+        return total - free
+    try:
+        return _kilobytes(os.getpid(), "Rss:") * 1024 + sum(
+            _kilobytes(child.pid, "Private_") * 1024 for child in multiprocessing.active_children()
+        )
+    except OSError:
+        return None
+
+
+def _kilobytes(process: int | None, field: str) -> int:
+    lines = Path(f"/proc/{process}/smaps_rollup").read_text().splitlines()
+    return sum(int(line.split()[1]) for line in lines if line.startswith(field))
+
+
+def alone(function: Callable[..., Any], *arguments: Any) -> Any:
+    """`function(*arguments)` in a fresh process, so that nothing measured before is in its memory."""
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(function, *arguments).result()
+
+
+def hardware(device: str) -> dict[str, Any]:
+    """The columns that say what was measured on."""
+    name = torch.cuda.get_device_name(device) if device.startswith("cuda") else platform.machine()
+    return {"device": name, "cores": os.cpu_count()}
+
+
+def missing(*packages: str) -> str:
+    """How to get those of `packages` that are not installed; empty if all are."""
+    lacking = " ".join(package for package in packages if find_spec(package.replace("-", "_")) is None)
+    return f"left out; it needs: python -m pip install -c constraints.txt {lacking}" if lacking else ""
+
+
+def write(rows: Sequence[dict[str, Any]], path: Path) -> None:
+    """One line a row, None as an empty field; no file without rows."""
+    if not rows:
+        return
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, fieldnames=list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    print(f"written: {path}")

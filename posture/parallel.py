@@ -1,0 +1,99 @@
+"""One training shared among processes: each steps a part of the worlds, and their gradients are averaged.
+
+On a CPU the processes are started here and talk by gloo over the loopback; with several GPUs `torchrun` starts one for
+each, and rsl-rl joins them by NCCL. Every process holds the same policy; the first alone writes, shows and evaluates.
+"""
+
+import contextlib
+import multiprocessing
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import torch
+import torch.distributed as dist
+
+
+def rank() -> int:
+    """Which of the processes this is; the first is 0."""
+    return dist.get_rank() if dist.is_initialized() else int(os.environ.get("RANK", "0"))
+
+
+def size() -> int:
+    """How many processes share the training."""
+    return dist.get_world_size() if dist.is_initialized() else int(os.environ.get("WORLD_SIZE", "1"))
+
+
+def by_torchrun() -> bool:
+    """Whether `torchrun` started this process."""
+    return "TORCHELASTIC_RUN_ID" in os.environ
+
+
+@contextlib.contextmanager
+def crew(processes: int, device: str, work: Callable[..., None], *arguments: Any) -> Iterator[None]:
+    """Within it `processes` - 1 others run `work(*arguments)`, joined with this process into one group.
+
+    Under torchrun, which has started them all, it only joins the group. Raises RuntimeError if one of them fails.
+    """
+    if by_torchrun():
+        if device == "cpu":
+            dist.init_process_group("gloo")
+        yield
+        if dist.is_initialized():
+            dist.destroy_process_group()
+        return
+    if processes == 1:
+        yield
+        return
+    with tempfile.TemporaryDirectory(prefix="posture-") as folder:
+        meeting = f"file://{Path(folder) / 'meeting'}"
+        spawn = multiprocessing.get_context("spawn")
+        others = [
+            spawn.Process(target=_other, args=(place, processes, meeting, work, arguments), daemon=True)
+            for place in range(1, processes)
+        ]
+        for other in others:
+            other.start()
+        _join(0, processes, meeting)
+        try:
+            yield
+        finally:
+            dist.destroy_process_group()
+            for other in others:
+                other.join(timeout=10.0)
+                if other.is_alive():
+                    other.terminate()
+        failed = [str(place) for place, other in enumerate(others, 1) if other.exitcode]
+        if failed:
+            raise RuntimeError(f"process {', '.join(failed)} of {processes} failed")
+
+
+def average(tensor: torch.Tensor) -> None:
+    """Replace `tensor` by its mean over the processes."""
+    dist.all_reduce(tensor)
+    tensor /= size()
+
+
+def gather(thing: Any) -> list[Any]:
+    """The `thing` of every process in the order of their ranks, for the first process; an empty list for the others."""
+    if size() == 1:
+        return [thing]
+    things: list[Any] | None = [None] * size() if rank() == 0 else None
+    dist.gather_object(thing, things)
+    return things or []
+
+
+def _join(place: int, processes: int, meeting: str) -> None:
+    # The loopback, whatever the machine calls itself: gloo would look its host name up.
+    os.environ.setdefault("GLOO_SOCKET_IFNAME", "lo0" if sys.platform == "darwin" else "lo")
+    dist.init_process_group("gloo", init_method=meeting, rank=place, world_size=processes)
+
+
+def _other(place: int, processes: int, meeting: str, work: Callable[..., None], arguments: tuple[Any, ...]) -> None:
+    _join(place, processes, meeting)
+    with contextlib.suppress(KeyboardInterrupt), open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
+        work(*arguments)
+    dist.destroy_process_group()
