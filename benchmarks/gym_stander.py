@@ -109,10 +109,9 @@ class StanderEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         if ended and terms.ended is not None:
             return terms.scale * rewards.weight(terms.ended, self.steps)
         torque, velocity = config.torque_limit * self.action, self.data.qvel[self.dofs]
-        if terms.energy_unit == "joule":
-            energy = -float(np.abs(torque * velocity).sum()) * config.control_dt
-        else:
-            energy = -float(np.abs(self.action * 0.1 * velocity).sum())
+        step, limit = config.control_dt, config.torque_limit
+        unit = {"joule": step, "normalised": step / limit, "authors_code": 0.1 / limit}[terms.energy_unit]
+        energy = -unit * float(np.abs(torque * velocity).sum())
         effort = rewards.torque_squared(torque if terms.torque_unit == "newton_metre" else self.action)
         stay = rewards.closeness(sum(self.foot_displacement) / len(FEET), terms.stay_sharpness)
         tracking = rewards.closeness(self.target_x - self.head_x, terms.target_sharpness)

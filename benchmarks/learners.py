@@ -169,7 +169,7 @@ def _ours(config: TrainConfig, judge: Judge) -> int:
 
 
 def _share(config: TrainConfig, judge: Judge | None) -> None:
-    """What each process of our training does, as in posture/train.py."""
+    """What each process of our training does; posture/train.py without its folder, resume and evaluation."""
     part = parallel.rank(), parallel.size()
     torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed + part[0])

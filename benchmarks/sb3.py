@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import torch
 from gym_stander import Pool, StanderEnv
+from rsl_rl.utils import resolve_nn_activation
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
@@ -80,7 +81,7 @@ def build(config: TrainConfig, processes: int) -> PPO:
         max_grad_norm=algorithm.max_grad_norm,
         policy_kwargs={
             "net_arch": {"pi": list(agent.actor.hidden_dims), "vf": list(agent.critic.hidden_dims)},
-            "activation_fn": {"elu": torch.nn.ELU, "relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}[agent.actor.activation],
+            "activation_fn": type(resolve_nn_activation(agent.actor.activation)),
             "log_std_init": float(np.log(agent.actor.distribution_cfg.init_std)),
         },
         seed=config.seed,

@@ -72,7 +72,7 @@ class RewardConfig(Strict):
     alive: Weight
     joint_limit_weight: NonNegative
     torque_unit: Literal["newton_metre", "normalised"]
-    energy_unit: Literal["joule", "normalised"]
+    energy_unit: Literal["joule", "normalised", "authors_code"]
     ended: Weight | None
     scale: Positive
 

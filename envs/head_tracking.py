@@ -159,7 +159,7 @@ class HeadTrackingEnv(VecEnv):
 
     def _ended(self) -> torch.Tensor:
         limits = self.config.termination
-        ended = terminations.fallen(self.hat_pose[:, 2], limits.fall_height)
+        ended = self.sim.diverged | terminations.fallen(self.hat_pose[:, 2], limits.fall_height)
         if limits.foot_motion is not None:
             ended = ended | terminations.foot_moved(self.foot_displacement, limits.foot_motion)
         if limits.head_tolerance is not None:
@@ -171,10 +171,7 @@ class HeadTrackingEnv(VecEnv):
         torque, velocity = config.torque_limit * self.action, self.sim.joint_velocity
         stay = rewards.closeness(self.foot_displacement.mean(-1), terms.stay_sharpness)
         tracking = rewards.closeness(self.target_x - self.head_x, terms.target_sharpness)
-        if terms.energy_unit == "joule":
-            energy = rewards.energy_joule(torque, velocity, config.control_dt)
-        else:
-            energy = rewards.energy_normalised(self.action, velocity)
+        energy = rewards.energy(torque, velocity, terms.energy_unit, config.torque_limit, config.control_dt)
         effort = rewards.torque_squared(torque if terms.torque_unit == "newton_metre" else self.action)
         reward = (
             rewards.weight(terms.stay_weight, self.steps) * stay

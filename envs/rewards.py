@@ -27,9 +27,18 @@ def energy_joule(torque: torch.Tensor, velocity: torch.Tensor, dt: float) -> tor
     return -(torque * velocity).abs().sum(-1) * dt
 
 
-def energy_normalised(action: torch.Tensor, velocity: torch.Tensor) -> torch.Tensor:
+def energy_scaled(action: torch.Tensor, velocity: torch.Tensor) -> torch.Tensor:
     """R_energy as in the authors' code: minus sum |a * 0.1 omega|, a the normalised torque in [-1, 1], omega [rad/s]."""
     return -(action * 0.1 * velocity).abs().sum(-1)
+
+
+def energy(torque: torch.Tensor, velocity: torch.Tensor, unit: str, limit: float, dt: float) -> torch.Tensor:
+    """R_energy as `energy_unit` reads it: joule, normalised (Eq. 9 with torque over its `limit`) or authors_code. (N,)."""
+    if unit == "joule":
+        return energy_joule(torque, velocity, dt)
+    if unit == "normalised":
+        return energy_joule(torque / limit, velocity, dt)
+    return energy_scaled(torque / limit, velocity)
 
 
 def torque_squared(torque: torch.Tensor) -> torch.Tensor:

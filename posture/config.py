@@ -150,6 +150,7 @@ class EnvChanges(Strict):
     ankle_k: NonNegative | None
     load: NonNegative | None
     amplitude: Positive | None
+    physics: Literal["sagittal", "mujoco"] | None
 
 
 class LqrConfig(Strict):

@@ -56,7 +56,7 @@ def folder_name(model: Path, changes: EnvChanges) -> str:
     own."""
     changed = {key: value for key, value in changes.model_dump().items() if value is not None}
     parts = [] if model == run_dir.newest_model(model.parent) else [model.stem]
-    parts += [f"{key}={value:g}" for key, value in changed.items()]
+    parts += [f"{key}={value if isinstance(value, str) else format(value, 'g')}" for key, value in changed.items()]
     return f"evaluation_{override_slug(','.join(parts))}" if parts else "evaluation"
 
 

@@ -21,7 +21,7 @@ from posture.rollout import Policy, rollout
 from posture.stander import linearise, segments
 from posture.table import evaluation_table, markdown_table
 
-AS_TRAINED = EnvChanges(hip_k=None, ankle_k=None, load=None, amplitude=None)
+AS_TRAINED = EnvChanges(hip_k=None, ankle_k=None, load=None, amplitude=None, physics=None)
 
 
 def evaluate_run(run: Path, config: TrainConfig) -> list[Row]:

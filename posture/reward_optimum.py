@@ -106,10 +106,7 @@ def reward_terms(motion: Motion, config: EnvConfig) -> tuple[float, float]:
 def _effort(torque: torch.Tensor, velocity: torch.Tensor, config: EnvConfig) -> tuple[torch.Tensor, torch.Tensor]:
     """R_energy and R_torque of torques [Nm] and velocities [rad/s], (N, joints) -> (N,), in the units of `config`."""
     action = torque / config.torque_limit
-    if config.reward.energy_unit == "joule":
-        energy = rewards.energy_joule(torque, velocity, config.control_dt)
-    else:
-        energy = rewards.energy_normalised(action, velocity)
+    energy = rewards.energy(torque, velocity, config.reward.energy_unit, config.torque_limit, config.control_dt)
     return energy, rewards.torque_squared(torque if config.reward.torque_unit == "newton_metre" else action)
 
 

@@ -198,10 +198,11 @@ def test_eval_by_file_folder_and_latest_agree(trained, monkeypatch, capsys):
 def test_eval_may_change_the_subject(trained, monkeypatch):
     evaluation = [t for t in TINY if t.startswith("evaluation")]
     before = (trained / "evaluation" / "metrics.csv").read_bytes()
-    call(monkeypatch, "eval", f"ckpt={trained}", "env.load=4", "env.hip_k=60", *evaluation)
-    folder = trained / "evaluation_hip_k-60_load-4"
+    call(monkeypatch, "eval", f"ckpt={trained}", "env.load=4", "env.hip_k=60", "env.physics=mujoco", *evaluation)
+    folder = trained / "evaluation_hip_k-60_load-4_physics-mujoco"
     row = table(folder / "metrics.csv")[0]
-    assert yaml.safe_load((folder / "trial.yaml").read_text())["env"]["load"] == 4.0
+    tried = yaml.safe_load((folder / "trial.yaml").read_text())["env"]
+    assert tried["load"] == 4.0 and tried["physics"] == "mujoco"
     assert (trained / "evaluation" / "metrics.csv").read_bytes() == before
     assert float(row["load_kg"]) == 4.0 and float(row["hip_k_nm_per_rad"]) == 60.0
 

@@ -217,16 +217,17 @@ def reward(motion, config):
     terms, final = config.reward, 10**9
     torque, velocity = (torch.from_numpy(x) for x in joint_arrays(motion, 960))
     off = torch.from_numpy(motion.head(time) - AMPLITUDE * (1 - np.cos(2 * math.pi * motion.freq * time)))
-    energy = rewards.energy_normalised(torque / config.torque_limit, velocity)
+    energy = rewards.energy_scaled(torque / config.torque_limit, velocity)  # that of the authors' code
     effort = rewards.torque_squared(torque / config.torque_limit)
     gain = rewards.weight(config.energy_weight, final) * (energy + effort)
     return float((gain + rewards.weight(terms.target_weight, final) * rewards.closeness(off, terms.target_sharpness)).mean())
 
 
 @pytest.mark.parametrize("freq", [0.3, 0.72, 1.2])
-def test_no_allowed_step_betters_the_reward_optimum(stander, config, freq):
+def test_no_allowed_step_betters_the_reward_optimum(stander, env_config, freq):
     """Random steps towards other allowed motions (the limits are convex, so all between two is allowed) lower the reward,
     save for what is left when the iteration stops."""
+    config = env_config("env.reward.energy_unit=authors_code")
     best = reward_optimum(stander, freq, config, TOLERANCE)
     assert miss(best).max() < TOLERANCE + 1e-4
     top = reward(best, config)
@@ -242,21 +243,25 @@ def test_no_allowed_step_betters_the_reward_optimum(stander, config, freq):
             assert reward(Motion(stander, freq, between), config) < top + 1e-3 * abs(top)
 
 
-@pytest.mark.parametrize("unit", ["normalised", "si"])
+@pytest.mark.parametrize("unit", ["normalised", "authors", "si"])
 def test_reward_terms_read_the_configuration(env_config, stander, unit):
     """Hand arithmetic: in SI units a squared torque is 100^2 times the normalised one, and |tau omega| dt is
-    100 x 0.0166 |a omega|; as normalised, |a omega| counts a tenth. gamma is 20, beta 2 at the end of its schedule."""
-    units = {"normalised": [], "si": ["env.reward.torque_unit=newton_metre", "env.reward.energy_unit=joule"]}
+    100 x 0.0166 |a omega|; normalised, |a omega| counts dt, in the authors' code a tenth. gamma is 20, beta 2 at the end of its schedule."""
+    authors = ["env.reward.energy_unit=authors_code"]
+    units = {"normalised": [], "authors": authors, "si": ["env.reward.torque_unit=newton_metre", "env.reward.energy_unit=joule"]}
     config = env_config(*units[unit])
     terms = RewardTerms.of(config)
-    effort = {"normalised": 1.0, "si": 1e4}[unit]
-    assert terms.energy == pytest.approx({"normalised": 0.1, "si": 1.66 / 1e4}[unit])
-    assert terms.target == pytest.approx(2.0 / (20.0 * effort)) and terms.sharpness == 5.0
+    effort = 1e4 if unit == "si" else 1.0
+    assert terms.energy == pytest.approx({"normalised": 0.0166, "authors": 0.1, "si": 1.66 / 1e4}[unit])
+    final = config.reward.target_weight.end
+    assert terms.target == pytest.approx(final / (20.0 * effort)) and terms.sharpness == 5.0
     motion = cheapest_sinusoid(stander, 0.9, AMPLITUDE, TOLERANCE)
     energy, torque = reward_terms(motion, config)
     assert torque == pytest.approx(-effort * cost(motion))
     spent = indices(motion, 100.0).energy_j
-    assert energy == pytest.approx(-spent / 100.0 * {"normalised": 0.1 / 100, "si": 0.0166}[unit], rel=1e-3)
+    assert energy == pytest.approx(
+        -spent / 100.0 * {"normalised": 0.0166 / 100, "authors": 0.1 / 100, "si": 0.0166}[unit], rel=1e-3
+    )
 
 
 def test_a_reward_without_weight_on_torques_prefers_no_motion(stander, config):

@@ -26,7 +26,15 @@ def test_energy_in_joules_by_hand():
 
 def test_energy_of_the_authors_code_by_hand():
     # |0.1 x 0.1 x 2| + |-0.05 x 0.1 x 4| = 0.02 + 0.02
-    assert rewards.energy_normalised(t(0.1, -0.05)[None], t(2.0, 4.0)[None]).tolist() == pytest.approx([-0.04])
+    assert rewards.energy_scaled(t(0.1, -0.05)[None], t(2.0, 4.0)[None]).tolist() == pytest.approx([-0.04])
+
+
+def test_each_reading_of_the_energy_by_hand():
+    # 40 W as above, of torques up to 100 Nm, for 0.0166 s
+    torque, velocity = t(10.0, -5.0)[None], t(2.0, 4.0)[None]
+    readings = {"joule": -0.664, "normalised": -0.00664, "authors_code": -0.04}
+    for unit, expected in readings.items():
+        assert rewards.energy(torque, velocity, unit, 100.0, 0.0166).tolist() == pytest.approx([expected])
 
 
 def test_one_reading_of_the_energy_is_16_6_times_the_other():
@@ -34,7 +42,7 @@ def test_one_reading_of_the_energy_is_16_6_times_the_other():
     in joules it is divided by 100^2 with the torques, 1e-4 x 1.66 / 0.1)."""
     action, velocity = torch.rand(5, 4), torch.randn(5, 4)
     joule = rewards.energy_joule(100 * action, velocity, 0.0166)
-    assert (joule / rewards.energy_normalised(action, velocity)).tolist() == pytest.approx([16.6] * 5, rel=1e-5)
+    assert (joule / rewards.energy_scaled(action, velocity)).tolist() == pytest.approx([16.6] * 5, rel=1e-5)
 
 
 def test_torque_by_hand():
