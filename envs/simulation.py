@@ -20,7 +20,7 @@ class Simulation(Protocol):
             world frame.
         sole_force: (N, 2, 2, 3) force of the ground on left and right foot at heel and toe, world frame [N], as of the
             last substep; zero after a reset, before the first step.
-        sole_position: (N, 2, 2, 3) where it acts, in the foot frame [m].
+        sole_position: (N, 2, 2, 3) where it acts, in the foot frame [m]; without meaning where there is no force.
         hip_k, ankle_k, load: (N,) [Nm/rad per joint], [Nm/rad per joint], [kg].
         geometry: `envs.body.Geometry` of the stander.
     """

@@ -46,8 +46,8 @@ def _sort_sole_forces(
     wrench: wp.array[wp.spatial_vector],
     geom_foot: wp.array[wp.int32],
     foot_body: wp.array[wp.int32],
-    bodies_per_world: int,
-    body_q: wp.array[wp.transform],
+    body_place: wp.array2d[wp.vec3],
+    body_turn: wp.array2d[wp.mat33],
     mid_x: float,
     force: wp.array3d[wp.vec3],
     position: wp.array3d[wp.vec3],
@@ -59,8 +59,9 @@ def _sort_sole_forces(
     world = contact_world[i]
     # MuJoCo's force acts on the second geom; the ground is the first, since planes come first by type.
     foot = geom_foot[contact_geom[i][1]]
-    pose = body_q[world * bodies_per_world + foot_body[foot]]
-    local = wp.transform_point(wp.transform_inverse(pose), contact_position[i])
+    body = foot_body[foot]
+    # Contacts are those of the pose at the start of the substep, which MuJoCo keeps.
+    local = wp.transpose(body_turn[world, body]) * (contact_position[i] - body_place[world, body])
     end = wp.where(local[0] > mid_x, 1, 0)
     force[world, foot, end] = wp.spatial_top(wrench[i])
     position[world, foot, end] = local
@@ -214,8 +215,8 @@ class SpatialSimulation:
                 self._contact_wrench,
                 self._geom_foot,
                 self._foot_body,
-                len(BODIES),
-                self._state.body_q,
+                self._data.xpos,
+                self._data.xmat,
                 self._mid_x,
             ],
             outputs=[self._sole_force_wp, self._sole_position_wp],
@@ -268,7 +269,8 @@ class SpatialSimulation:
             foot = name.replace("sole", "foot")
             geom_foot.append(FEET.index(foot) if name.startswith("sole") else -1)
         self._geom_foot = wp.array(geom_foot, dtype=wp.int32, device=device)
-        self._foot_body = wp.array([BODIES.index(foot) for foot in FEET], dtype=wp.int32, device=device)
+        # MuJoCo counts the world as its first body.
+        self._foot_body = wp.array([1 + BODIES.index(foot) for foot in FEET], dtype=wp.int32, device=device)
         self._mid_x = 0.5 * (self.geometry.heel_x + self.geometry.toe_x)
 
     def _persistent(self) -> dict[str, torch.Tensor]:

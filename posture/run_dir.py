@@ -34,10 +34,13 @@ PACKAGES = ("posture", "newton", "warp-lang", "mujoco", "mujoco-warp", "rsl-rl-l
 def folder_for(parent: str, resume: str | None) -> str:
     """Folder of the run that is about to start: that of the run it resumes, or a new name under `parent`.
 
-    The name is the time and the process, so that two runs started in the same second do not share a folder.
+    The name is the time and the process, so that two runs started in the same second do not share a folder. Of the processes
+    that torchrun starts the first alone writes; the others get a folder that nobody looks at.
     """
     if resume is not None:
         return str(find_run(resume))
+    if os.environ.get("RANK", "0") != "0":
+        return tempfile.mkdtemp(prefix="posture-")
     name = f"{datetime.datetime.now():%Y-%m-%d_%H-%M-%S}_{os.getpid()}"
     taken = sum(1 for path in Path(parent).glob(f"{name}*"))
     return str(Path(parent) / (f"{name}_{taken + 1}" if taken else name))

@@ -39,6 +39,8 @@ def _learn(config: TrainConfig, folder: Path) -> None:
     from posture.learner import Learner
 
     rank, size = parallel.rank(), parallel.size()
+    if config.env.num_envs % size:
+        raise ConfigError(f"env.num_envs = {config.env.num_envs} cannot be shared equally among {size} processes")
     device = f"cuda:{rank}" if size > 1 and config.device == "cuda" else config.device
     torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed + 1_000_003 * rank)

@@ -246,9 +246,10 @@ def test_no_allowed_step_betters_the_reward_optimum(stander, env_config, freq):
 @pytest.mark.parametrize("unit", ["normalised", "authors", "si"])
 def test_reward_terms_read_the_configuration(env_config, stander, unit):
     """Hand arithmetic: in SI units a squared torque is 100^2 times the normalised one, and |tau omega| dt is
-    100 x 0.0166 |a omega|; normalised, |a omega| counts dt, in the authors' code a tenth. gamma is 20, beta 2 at the end of its schedule."""
+    100 x 0.0166 |a omega|; normalised, |a omega| counts dt, in the authors' code a tenth. gamma is 20."""
     authors = ["env.reward.energy_unit=authors_code"]
-    units = {"normalised": [], "authors": authors, "si": ["env.reward.torque_unit=newton_metre", "env.reward.energy_unit=joule"]}
+    si = ["env.reward.torque_unit=newton_metre", "env.reward.energy_unit=joule"]
+    units = {"normalised": [], "authors": authors, "si": si}
     config = env_config(*units[unit])
     terms = RewardTerms.of(config)
     effort = 1e4 if unit == "si" else 1.0

@@ -129,7 +129,7 @@ TRIALS = {
     "hip stretched": Trial(above(0.5, -0.3, 0.45, 0.4), (0, 0, -1, 1, 1), (120, 0), (20, 5), rounding=6),
     "ankle bent": Trial(above(0.5, 0.0, 0.2, -0.65), (0, 0, 0, 1, -2), (0, -40), (10, 5)),
     "ankle stretched": Trial(above(0.5, 0.0, -0.2, 0.65), (0, 0, 0, -1, 2), (0, 40), (10, 5), rounding=3),
-    "squatting": Trial(above(PRESSED, 1.1, -0.95, -0.2), (0, 0, 0.5, -0.5, -0.1), (-150, -20), (20, 5)),
+    "squatting": Trial(above(PRESSED, 1.1, -0.95, -0.2), (0, 0, 0.5, -0.5, -0.1), (-150, -20), (20, 5), rounding=3),
     "soft hips": Trial(FLAT, sway=(15, 8), hip_k=50.0),
     "soft ankles": Trial(FLAT, sway=(15, 8), ankle_k=10.0),
     "loaded": Trial(FLAT, sway=(15, 8), load=4.0),
@@ -194,6 +194,7 @@ SPATIAL_AGREES = {
     "body_pose": 1e-5,
     "body_velocity": 1e-4,
     "sole_force": 0.06,
+    "sole_position": 2e-6,
 }
 """Largest differences over half a second [rad, rad/s, Nm, m, m/s, N], two to four times what was measured."""
 
@@ -207,8 +208,7 @@ def test_agrees_with_mujoco_c(played, name):
 
 @pytest.mark.parametrize("name", TRIALS)
 def test_agrees_with_the_spatial_engine(played, name):
-    """Both in single precision, in different coordinates; sole_position, which that engine reads off the foot as it stands
-    after the step, is left to MuJoCo's C."""
+    """Both in single precision, in different coordinates."""
     found = deviation(played[name]["sagittal"], played[name]["spatial"])
     assert not {key: found[key] for key, value in SPATIAL_AGREES.items() if found[key] > value * TRIALS[name].rounding}
 
@@ -251,7 +251,9 @@ STATES = {
 @pytest.mark.parametrize("friction", [0.2, 1.0, 3.0])
 @pytest.mark.parametrize("kind", STATES)
 def test_one_step_from_random_states_agrees_with_mujoco_c(config, kind, friction):
-    """From anywhere, limits and impacts among it, one control step."""
+    """From anywhere, with limits and impacts, one control step. Of the speed and of the force there is, half of the worlds
+    differ by less than 2e-6 (friction 0.2: 2e-5), the worst by 1e-4 and 8e-4; the softness of friction, which goes by mu^2,
+    divides that."""
     worlds, rng = 600, np.random.default_rng(3)
     pitch, speed, gap, size = STATES[kind]
     rough = config.model_copy(update={"friction": friction})
@@ -267,7 +269,7 @@ def test_one_step_from_random_states_agrees_with_mujoco_c(config, kind, friction
     exact, ours = {key: np.stack([shown[key] for shown in history]) for key in SHOWN}, seen(sim)
     fast = 1.0 + np.abs(exact["joint_velocity"]).max(1)
     hard = 1.0 + np.abs(exact["sole_force"]).max((1, 2, 3))
-    for key, scale, allowed in (("joint_angle", fast, 5e-6), ("joint_velocity", fast, 3e-4), ("sole_force", hard, 2e-3)):
+    for key, scale, allowed in (("joint_angle", fast, 5e-6), ("joint_velocity", fast, 5e-4), ("sole_force", hard, 2e-3)):
         found = np.abs(ours[key] - exact[key]).reshape(worlds, -1).max(1) / scale
         allowed *= max(1.0, friction**-2)
         assert found.max() < allowed and np.quantile(found, 0.99) < allowed / 5, key
@@ -277,7 +279,8 @@ def test_one_step_from_random_states_agrees_with_mujoco_c(config, kind, friction
 @pytest.mark.parametrize("friction", [0.2, 1.0])
 def test_accelerations_minimise_the_cost_of_the_constraints(config, friction):
     """MuJoCo's C has mass matrix, forces and constraint rows of random states; with them the gradient at our accelerations
-    is zero but for rounding: 1e-7 of what is summed up in it, 1e-5 where a sole has just touched and rounding is its depth."""
+    is zero but for rounding: 1e-7 of what is summed up in it, and 1e-5 in the first millimetre of depth, with which the
+    softness changes."""
     worlds, rng = 300, np.random.default_rng(4)
     single = modified(config, substeps=1).model_copy(update={"friction": friction, "control_dt": 0.0083})
     q, qd = random_states(rng, worlds, 1.5, 3.0, (-0.005, 0.001))
@@ -303,20 +306,23 @@ def test_accelerations_minimise_the_cost_of_the_constraints(config, friction):
     assert np.max(relative) < 3e-5 and np.median(relative) < 5e-7
 
 
-@pytest.mark.parametrize("friction", [0.2, 1.0])
-def test_ten_iterations_are_enough(config, friction):
-    """Three hundred give the same, bit for bit, from thousands of states with impacts, slip and limits."""
-    worlds, rng, ends = 5000, np.random.default_rng(6), []
+@pytest.mark.parametrize(("friction", "short"), [(0.2, 0.01), (1.0, 0.0)])
+def test_ten_iterations_are_enough(config, friction, short):
+    """Three hundred give the same, bit for bit, from random states with impacts, slip and limits, and in worlds that sway,
+    slip and fall for a second; but at friction 0.2 a few worlds in a thousand would have needed up to fifteen."""
+    worlds, rng, ends = 2000, np.random.default_rng(6), []
     q, qd = random_states(rng, worlds, 1.5, 4.0, (-0.01, 0.001))
-    torque = both_sides(rng.normal(0, 100, (worlds, 2)))
+    torque = both_sides(rng.normal(0, 60, (60, worlds, 2)))
     for iterations in (10, 300):
-        rough = modified(config, iterations=iterations).model_copy(update={"friction": friction})
-        sim = placed(SagittalSimulation(rough, worlds, "cpu"), q, qd)
-        sim.step(torque)
+        sim = SagittalSimulation(
+            modified(config, iterations=iterations).model_copy(update={"friction": friction}), 2 * worlds, "cpu"
+        )
+        sim._q[:worlds], sim._qd[:worlds] = torch.from_numpy(q), torch.from_numpy(qd)
+        for push in torque:
+            sim.step(push.repeat(2, 1))
         ends.append(seen(sim))
-    print(
-        friction, [int((ends[0][key] != ends[1][key]).reshape(worlds, -1).any(1).sum()) for key in SHOWN], deviation(*ends)
-    )
+    for key in SHOWN:
+        assert (ends[0][key] != ends[1][key]).reshape(2 * worlds, -1).any(1).mean() <= short, key
 
 
 # -- mechanics -------------------------------------------------------------------------------------------------------------
@@ -343,7 +349,7 @@ class Mechanics:
         return pose[:, [0, 2]] + np.stack([turned(c[[0, 2]], p) for c, p in zip(self.com, pitch, strict=True)])
 
     def of(self, sim, world=0):
-        """Energy [J] of bodies, springs and rotors; momentum along x, z [Ns], and about y through the centre of mass [Nms]."""
+        """Energy of bodies, springs and rotors [J]; momentum along x, z [Ns], about y through the centre of mass [Nms]."""
         shown = (sim.joint_angle, sim.joint_velocity, sim.body_velocity)
         angle, speed, velocity = (values[world].double().numpy() for values in shown)
         place, linear, angular = self.places(sim, world), velocity[:, [0, 2]], velocity[:, 4]
@@ -455,17 +461,19 @@ def test_free_fall_by_hand(config):
 
 @pytest.mark.parametrize("load", [0.0, 4.0])
 def test_standing_carries_the_weight(config, load):
-    """At rest the ground carries m g, between heel and toe as the centre of mass asks."""
-    firm = config.model_copy(update={"load": load, "hip_k": 400.0, "ankle_k": 400.0, "joint_damping": 20.0})
+    """With ankles stiff enough to come to rest, the ground carries m g right below the centre of mass, within 2e-6 of the
+    weight and 1e-7 m."""
+    firm = config.model_copy(update={"load": load, "hip_k": 400.0, "ankle_k": 400.0, "joint_damping": 60.0})
     sim, meter = SagittalSimulation(firm, 1, "cpu"), Mechanics(firm)
-    for _ in range(300):
+    for _ in range(1000):
         sim.step(torch.zeros(1, len(JOINTS)))
-    print(sim.joint_velocity.abs().max())
-    vertical = sim.sole_force[0, :, :, 2].double()
-    print(float(vertical.sum()) / ((40.154 + load) * GRAVITY))
-    ahead = meter.mass @ meter.places(sim)[:, 0] / meter.mass.sum() - float(sim.body_pose[0, 2, 0])
-    print(float(vertical[:, 1].sum() / vertical.sum()), (ahead + 0.06) / 0.19)
+    assert float(sim.joint_velocity.abs().max()) < 2e-6
     assert torch.equal(sim.sole_force[0, 0], sim.sole_force[0, 1])
+    force, foot = sim.sole_force[0, 0].double().numpy(), sim.body_pose[0, 2].double().numpy()
+    assert 2 * force[:, 2].sum() == pytest.approx((40.154191 + load) * GRAVITY, rel=1e-5)
+    place = foot[0] + turned(sim.sole_position[0, 0].double().numpy()[:, [0, 2]].T, 2 * foot[4])[:, 0]
+    middle = meter.mass @ meter.places(sim)[:, 0] / meter.mass.sum()
+    assert force[:, 2] @ place / force[:, 2].sum() == pytest.approx(middle, abs=1e-6)
 
 
 @pytest.mark.parametrize("friction", [0.2, 1.0])
@@ -484,9 +492,9 @@ def test_contact_only_pushes_and_within_its_friction(config, friction):
         slipped += int(((forward.abs() > 0.999 * friction * up) & (up > 1.0)).sum())
         loaded = up.sum(-1) > 1.0
         pressure = (up * sim.sole_position[:, 0, :, 0]).sum(-1)[loaded] / up.sum(-1)[loaded]
-        # A tilted ball touches the ground beside its centre.
-        beside = 2 * RADIUS * sim.body_pose[loaded, 2, 4].abs() + 1e-4
-        assert bool((pressure >= -0.06 - beside).all()) and bool((pressure <= 0.13 + beside).all())
+        beyond = torch.maximum(-0.06 - pressure, pressure - 0.13)
+        assert float(beyond.max()) < RADIUS  # a tilted ball touches the ground beside its centre
+        assert bool((beyond[(up[loaded] > 1.0).all(-1)] < 1e-3).all())
     assert slipped > 10_000 and int((sim.body_pose[:, 0, 2] < 1.0).sum()) > 1500
 
 
@@ -506,7 +514,7 @@ def test_wild_torques_mark_their_worlds_and_no_others(config, size):
         assert finite(sim)
         assert not bool(sim.diverged[~wild].any())
         ever |= sim.diverged
-    if not abs(size) <= 1e3:
+    if size != 1e3:  # which is borne
         assert torch.equal(ever, wild)
     for name in SHOWN:
         assert torch.equal(getattr(sim, name)[~wild], getattr(calm, name)[~wild]), name
@@ -531,16 +539,16 @@ def test_wild_states_stay_finite_or_are_marked(config, pitch, speed, gap):
     sim = SagittalSimulation(config, worlds, "cpu")
     placed(sim, *random_states(np.random.default_rng(8), worlds, pitch, speed, gap))
     for _ in range(15):
-        before = sim._q.clone(), sim._qd.clone()
+        q, qd = sim._q.clone(), sim._qd.clone()
         sim.step(both_sides(100 * torch.randn(worlds, 2)))
         assert finite(sim)
-        moved = (sim._q != before[0]).any(1)
+        moved = ((sim._q != q) | (sim._qd != qd)).any(1)
         assert torch.equal(moved, ~sim.diverged)
         assert not bool((sim._qd[moved].abs() > 1e4).any())
 
 
 def test_too_fast_a_world_has_diverged(config):
-    """Above 1e4 m/s or rad/s; MuJoCo's C moves on, but nobody stands at such speeds."""
+    """Above 1e4 m/s or rad/s."""
     sim = SagittalSimulation(config, 3, "cpu")
     sim._q[:, 1] += 100.0
     sim._qd[1, 0], sim._qd[2, 0] = 9.9e3, 1.01e4
