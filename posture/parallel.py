@@ -1,13 +1,12 @@
 """One training shared among processes: each steps a part of the worlds, and their gradients are averaged.
 
-On a CPU the processes are started here and talk by gloo over the loopback; with several GPUs `torchrun` starts one for
+On a CPU the processes are started here and talk over `posture.board`; with several GPUs `torchrun` starts one for
 each, and rsl-rl joins them by NCCL. Every process holds the same policy; the first alone writes, shows and evaluates.
 """
 
 import contextlib
 import multiprocessing
 import os
-import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -15,6 +14,8 @@ from typing import Any
 
 import torch
 import torch.distributed as dist
+
+from posture import board  # noqa: F401 - registers the backend
 
 
 def rank() -> int:
@@ -40,7 +41,7 @@ def crew(processes: int, device: str, work: Callable[..., None], *arguments: Any
     """
     if by_torchrun():
         if device == "cpu":
-            dist.init_process_group("gloo")
+            dist.init_process_group("board")
         yield
         if dist.is_initialized():
             dist.destroy_process_group()
@@ -87,9 +88,7 @@ def gather(thing: Any) -> list[Any]:
 
 
 def _join(place: int, processes: int, meeting: str) -> None:
-    # The loopback, whatever the machine calls itself: gloo would look its host name up.
-    os.environ.setdefault("GLOO_SOCKET_IFNAME", "lo0" if sys.platform == "darwin" else "lo")
-    dist.init_process_group("gloo", init_method=meeting, rank=place, world_size=processes)
+    dist.init_process_group("board", init_method=meeting, rank=place, world_size=processes)
 
 
 def _other(place: int, processes: int, meeting: str, work: Callable[..., None], arguments: tuple[Any, ...]) -> None:
