@@ -7,7 +7,7 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup train eval theory test test-slow lint types check clean
+.PHONY: help setup train eval theory benchmark test test-slow lint types check clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -31,6 +31,12 @@ eval: setup ## evaluate a trained policy; Hydra overrides in ARGS
 
 theory: setup ## the torque-optimal stander, without learning; Hydra overrides in ARGS
 	$(BIN)/python -m posture.theory $(ARGS)
+
+benchmark: setup ## measure engines and learners (40 min); installs gymnasium and stable-baselines3
+	$(BIN)/python -m pip install --quiet -c constraints.txt gymnasium stable-baselines3
+	$(BIN)/python benchmarks/speed.py
+	$(BIN)/python benchmarks/engines.py
+	$(BIN)/python benchmarks/learners.py
 
 test: setup ## run the quick tests; pytest options in ARGS
 	$(BIN)/python -m pytest $(ARGS)

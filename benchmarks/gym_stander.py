@@ -57,6 +57,8 @@ class StanderEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         super().reset(seed=seed)
         freq = self.config.freq
         self.freq = float(self.np_random.uniform(*freq)) if isinstance(freq, tuple) else freq
+        length = self.config.episode_steps
+        self.length = int(self.np_random.integers(length[0], length[1] + 1)) if isinstance(length, tuple) else length
         self.episode_step = 0
         self.action[:] = 0.0
         mujoco.mj_resetData(self.model, self.data)
@@ -76,7 +78,7 @@ class StanderEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self.episode_step += 1
         self._read()
         ended = self._ended()
-        time_out = self.episode_step >= self.config.episode_steps and not ended
+        time_out = self.episode_step >= self.length and not ended
         return self._observation(), self._reward(ended), ended, time_out, {}
 
     # -- inside ------------------------------------------------------------------------------------------------------

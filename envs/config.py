@@ -27,6 +27,7 @@ class Strict(BaseModel):
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 NonPositive = Annotated[float, Field(le=0)]
+Steps = Annotated[int, Field(ge=1)]
 Freq = Annotated[float, Field(gt=0, le=MAX_FREQ_HZ)]
 
 
@@ -86,7 +87,7 @@ class TerminationConfig(Strict):
 
 
 class SolverConfig(Strict):
-    """Newton's SolverMuJoCo."""
+    """Time step and contact of both engines; rows and contacts are of SolverMuJoCo alone."""
 
     substeps: Annotated[int, Field(ge=1, le=100)]
     iterations: Annotated[int, Field(ge=1, le=1000)]
@@ -110,7 +111,7 @@ class EnvConfig(Strict):
 
     physics: Literal["sagittal", "mujoco"]
     control_dt: Annotated[float, Field(gt=0, le=0.1)]
-    episode_steps: Annotated[int, Field(ge=1)]
+    episode_steps: Steps | tuple[Steps, Steps]
     joint_damping: NonNegative
     joint_armature: NonNegative
     torque_limit: Positive
@@ -125,6 +126,8 @@ class EnvConfig(Strict):
     def _consistent(self) -> "EnvConfig":
         if isinstance(self.freq, tuple) and not self.freq[0] <= self.freq[1]:
             raise ValueError(f"freq: a range goes from low to high, got {list(self.freq)}")
+        if isinstance(self.episode_steps, tuple) and not self.episode_steps[0] <= self.episode_steps[1]:
+            raise ValueError(f"episode_steps: a range goes from low to high, got {list(self.episode_steps)}")
         tolerance = self.termination.head_tolerance
         if tolerance is not None and tolerance > 2 * self.amplitude:
             raise ValueError(

@@ -42,7 +42,8 @@ class HeadTrackingEnv(VecEnv):
         self.cfg = as_plain(config)
         self.num_envs = config.num_envs // part[1]
         self.num_actions = len(ACTIONS)
-        self.max_episode_length = config.episode_steps
+        low, high = config.episode_steps if isinstance(config.episode_steps, tuple) else 2 * (config.episode_steps,)
+        self.max_episode_length = high
         self.device = device
         self.sim = simulate(config, self.num_envs, device)
 
@@ -65,6 +66,8 @@ class HeadTrackingEnv(VecEnv):
         worlds = torch.arange(part[0], config.num_envs, part[1], device=place)
         self._source = target.FrequencySource(config.freq, config.ramp, config.freq_draw, worlds, config.num_envs, seed)
         self.freq = self._source.draw(self.episode)
+        self._lengths = target.LengthSource(low, high, worlds, seed)
+        self._length = self._lengths.draw(self.episode)
         self._read()
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:
@@ -86,7 +89,7 @@ class HeadTrackingEnv(VecEnv):
 
         # 4. What ends here.
         ended = self._ended()
-        time_out = (self.episode_length_buf >= self.max_episode_length) & ~ended
+        time_out = (self.episode_length_buf >= self._length) & ~ended
         done = ended | time_out
 
         # 5. Reward.
@@ -138,6 +141,7 @@ class HeadTrackingEnv(VecEnv):
         self.sim.load_state_dict(state["simulation"])
         for name in ("episode_length_buf", "episode", "action", "freq"):
             getattr(self, name).copy_(state[name])
+        self._length = self._lengths.draw(self.episode)
         self._read()
 
     # -- inside ------------------------------------------------------------------------------------------------------
@@ -192,4 +196,5 @@ class HeadTrackingEnv(VecEnv):
         self.episode += mask
         self.action[mask] = 0.0
         self.freq = torch.where(mask, self._source.draw(self.episode), self.freq)
+        self._length = self._lengths.draw(self.episode)
         self._read()

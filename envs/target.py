@@ -77,6 +77,21 @@ class FrequencySource:
         return (self._low + self._width * uniform(self._seed, self._worlds, episode)).float()
 
 
+class LengthSource:
+    """Gives each world the length of its next episode [control steps], uniform between `low` and `high`."""
+
+    def __init__(self, low: int, high: int, worlds: torch.Tensor, seed: int) -> None:
+        self._low, self._width, self._worlds = low, high - low + 1, worlds
+        # Not the numbers that frequencies are drawn by.
+        self._seed = ~seed
+
+    def draw(self, episode: torch.Tensor) -> torch.Tensor:
+        """Length of each world's `episode` (N,) int64. Shape (N,) int64."""
+        if self._width == 1:
+            return torch.full_like(episode, self._low)
+        return self._low + (self._width * uniform(self._seed, self._worlds, episode)).long()
+
+
 def uniform(seed: int, world: torch.Tensor, episode: torch.Tensor) -> torch.Tensor:
     """A number in [0, 1) that depends on (seed, world, episode) alone. Shapes (N,) int64 -> (N,) float64.
 

@@ -228,6 +228,8 @@ def _one_line(error: ValidationError) -> str:
         return f"{place}: missing"
     if place == "env.freq" and len(errors) > 1:
         return f"env.freq = {given}: allowed is a number in (0, {MAX_FREQ_HZ:g}] Hz, or a range [low, high] of such numbers"
+    if place == "env.episode_steps" and len(errors) > 1:
+        return f"{place} = {given}: allowed is a whole number of at least 1, or a range [low, high] of such numbers"
     if len(errors) > 1 and any("Schedule" in str(e["loc"]) for e in errors):
         return f"{place} = {given}: allowed is a number, or a schedule {{start: .., end: .., steps: ..}}"
     return f"{place} = {given!r}: {message[0].lower()}{message[1:]}"

@@ -42,6 +42,7 @@ def evaluate_all(config: EvalConfig, _folder: Path) -> None:
             "run": model.parent.name,
             "seed": run.seed,
             "energy_weight": weight.end if isinstance(weight, Schedule) else weight,
+            "physics": config.env.physics or run.env.physics,
             "amplitude_m": config.env.amplitude or run.env.amplitude,
         }
         everything += [condition | row for row in rows]

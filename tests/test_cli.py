@@ -18,6 +18,7 @@ from posture.train import train
 
 TINY = [
     "env.num_envs=8",
+    "processes=1",
     "max_iterations=2",
     "agent.num_steps_per_env=4",
     "agent.algorithm.num_mini_batches=2",
@@ -79,6 +80,8 @@ def runs():
         ("env.freq=-1", ["env.freq"]),
         ("env.freq=[1.0,0.5]", ["from low to high"]),
         ("env.ramp={start: 0.0, rate: -0.1, duration: 5.0}", ["the ramp ends at -0.5 Hz"]),
+        ("env.episode_steps=0", ["env.episode_steps = 0", "at least 1, or a range"]),
+        ("env.episode_steps=[9,3]", ["episode_steps: a range goes from low to high"]),
         ("env.hip_k=-5", ["env.hip_k = -5", "greater than or equal to 0"]),
         ("env.hip_k=nan", ["env.hip_k", "finite"]),
         ("env.num_envs=0", ["env.num_envs = 0", "greater than or equal to 1"]),

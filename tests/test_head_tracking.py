@@ -102,6 +102,21 @@ def test_time_out_is_not_an_early_end(env_config):
     assert float(reward.min()) > 0.0
 
 
+def test_episodes_last_as_long_as_was_drawn(env_config):
+    """Each world times out after its own drawn number of steps, the next episode after another."""
+    env = environment(env_config, "env.episode_steps=[3,9]", "env.freq=0.015")
+    ages, lengths = torch.zeros(4, dtype=torch.long), [[] for _ in range(4)]
+    for _ in range(60):
+        _, _, done, extras = env.step(still(env))
+        ages += 1
+        assert torch.equal(done, extras["time_outs"])
+        for world in done.nonzero()[:, 0].tolist():
+            lengths[world].append(int(ages[world]))
+            ages[world] = 0
+    drawn = [length for world in lengths for length in world]
+    assert min(drawn) >= 3 and max(drawn) <= 9 and len(set(drawn)) > 3
+
+
 def test_observation_groups(env_config):
     groups = ",".join(f"{name}:[{name}]" for name in TERMS)
     env = environment(env_config, f"++env.observations={{{groups},policy:[{','.join(TERMS)}]}}")

@@ -1,5 +1,8 @@
 """Training shared among processes: together they are one batch of worlds, one policy and one normalisation."""
 
+import os
+import signal
+
 import pytest
 import torch
 import torch.distributed as dist
@@ -38,6 +41,35 @@ def test_moments_of_two_processes_are_those_of_all_samples():
     assert torch.allclose(mine._var[0], everything.var(0, unbiased=False), atol=1e-5)
     assert not dist.is_initialized()
     assert (parallel.rank(), parallel.size()) == (0, 1)
+
+
+def exchanged():
+    """A sum that needs three pieces of the board, a broadcast of whole numbers, and what each process has to say."""
+    rank = parallel.rank()
+    numbers = torch.arange(600_000, dtype=torch.float32) * (rank + 1)
+    dist.all_reduce(numbers)
+    told = torch.tensor([7, 8, 9]) if rank == 1 else torch.zeros(3, dtype=torch.long)
+    dist.broadcast(told, src=1)
+    return numbers, told, parallel.gather({"rank": rank, "tensor": torch.full((400_000,), float(rank))})
+
+
+def test_the_board_adds_tells_and_gathers():
+    with parallel.crew(3, "cpu", exchanged):
+        numbers, told, states = exchanged()
+    assert torch.equal(numbers, torch.arange(600_000, dtype=torch.float32) * 6)
+    assert told.tolist() == [7, 8, 9]
+    assert [state["rank"] for state in states] == [0, 1, 2]
+    assert all(float(state["tensor"].mean()) == place for place, state in enumerate(states))
+
+
+def die():
+    if parallel.rank() != 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_process_that_is_gone_is_not_waited_for():
+    with pytest.raises(RuntimeError, match="process 1 of 2 is gone"), parallel.crew(2, "cpu", die):
+        dist.all_reduce(torch.zeros(1))
 
 
 def fail_elsewhere():

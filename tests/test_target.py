@@ -8,9 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from envs.config import Ramp
-from envs.target import FrequencySource, frequency, phase, position, uniform, velocity
-
-CPU = torch.device("cpu")
+from envs.target import FrequencySource, LengthSource, frequency, phase, position, uniform, velocity
 
 
 def at(time, freq, rate=0.0, duration=0.0):
@@ -96,3 +94,15 @@ def test_fixed_and_ramp_sources():
     assert ramp.rate.tolist() == pytest.approx([0.036] * 3) and ramp.duration.tolist() == [25.0] * 3
     ramp.fix(torch.tensor([0.2, 0.4, 0.6]))
     assert ramp.draw(episode).tolist() == pytest.approx([0.2, 0.4, 0.6]) and ramp.rate.tolist() == [0.0] * 3
+
+
+def test_drawn_lengths_are_uniform_and_not_the_frequencies():
+    worlds = torch.arange(20_000)
+    episode = torch.zeros(20_000, dtype=torch.long)
+    lengths = LengthSource(2000, 8000, worlds, 1).draw(episode)
+    assert int(lengths.min()) >= 2000 and int(lengths.max()) <= 8000
+    assert float(lengths.double().mean()) == pytest.approx(5000, abs=50)  # standard error 12
+    drawn = FrequencySource((0.0, 1.0), None, "uniform", worlds, 20_000, 1).draw(episode)
+    assert abs(float(torch.corrcoef(torch.stack((lengths.float(), drawn)))[0, 1])) < 0.03
+    assert LengthSource(7, 7, worlds, 1).draw(episode).unique().tolist() == [7]
+    assert set(LengthSource(1, 3, worlds, 1).draw(episode).tolist()) == {1, 2, 3}
