@@ -93,8 +93,8 @@ def test_authors_reward_by_hand(env_config):
 
 
 def test_default_early_end_is_worth_less_than_a_step_at_two_fifths_of_the_torque_limit(env_config):
-    """With S = 4 at the end of the schedule, living pays 4 - 20 sum a^2 and ending -12: worth it up to sum a^2 = 0.8, which
-    is |a| = 0.447 on all four joints."""
+    """With S = 3 at the end of the schedule, living pays 3 - 20 sum a^2 and ending -9: worth it up to sum a^2 = 0.6, which is
+    |a| = 0.387 on all four joints."""
     config = env_config()
     late = {
         name: getattr(config.reward, name).end if isinstance(getattr(config.reward, name), Schedule) else None
@@ -103,8 +103,8 @@ def test_default_early_end_is_worth_less_than_a_step_at_two_fifths_of_the_torque
     final = config.model_copy(update={"reward": config.reward.model_copy(update=late)})
     on_target = {"head_error": 0.0, "foot": 0.0, "velocity": (0.0,) * 4}
     ended = joined(final, **on_target, action=(0.0,) * 4, ended=True)
-    assert ended == pytest.approx(0.03 * -12.0)
-    assert joined(final, **on_target, action=(0.44,) * 4) > ended > joined(final, **on_target, action=(0.45,) * 4)
+    assert ended == pytest.approx(0.03 * -9.0)
+    assert joined(final, **on_target, action=(0.38,) * 4) > ended > joined(final, **on_target, action=(0.39,) * 4)
 
 
 def test_energy_weight_scales_both_costs(env_config):

@@ -72,13 +72,17 @@ def test_at_the_switch_the_ankle_stands_still(body, config, hip_k, load):
     assert sinusoid_transition(stander, SEARCH) == pytest.approx(lowest, abs=2e-4)
 
 
-def test_known_numbers(body, config):
-    """0.68 Hz for the sinusoid, near 0.755 Hz with the authors' energy term: shared/reference.md, section 5, worked out
-    apart from this code for sinusoids. Those that may use the tolerance as they like switch a little lower."""
+def test_known_numbers(body, config, env_config):
+    """0.68 Hz for the sinusoid, near 0.755 Hz with the authors' energy term, both worked out apart from this code for
+    sinusoids. Those that may use the tolerance as they like switch a little lower, and a sixth of the energy term moves the
+    switch by less than a third of the way."""
     stander = made(body, config)
     assert sinusoid_transition(stander, SEARCH) == pytest.approx(0.68, abs=0.005)
     assert bound_transition(stander, 0.1, 0.001, SEARCH) == pytest.approx(0.68, abs=0.005)
-    assert reward_transition(stander, config, 0.025, (0.6, 0.9)) == pytest.approx(0.755, abs=0.015)
+    authors = reward_transition(stander, env_config("env.reward.energy_unit=authors_code"), 0.025, (0.6, 0.9))
+    assert authors == pytest.approx(0.755, abs=0.015)
+    least = bound_transition(stander, 0.1, 0.025, SEARCH)
+    assert least < reward_transition(stander, config, 0.025, (0.6, 0.9)) < least + (authors - least) / 3
 
 
 def test_which_way_each_parameter_moves_it(body, config):
