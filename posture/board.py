@@ -1,8 +1,9 @@
 """A torch.distributed backend for the few processes of one machine: each writes to its place on a board that all read.
 
 The sums that a training shares are small (50 kB) and many (three a mini-batch), so what counts is how fast a process
-learns that the others are there. Here it looks again and again, for some milliseconds, and a sum takes 0.03 ms; gloo sleeps,
-and took 0.3-1.2 ms on the same machine. Sums are taken in the order of the ranks, so they are the same bits on every process.
+learns that the others are there. Here it looks again and again, for some milliseconds, and a sum takes 0.03 ms; gloo
+sleeps, and took 0.3-1.2 ms on the same machine. Sums are taken in the order of the ranks, so they are the same bits on
+every process.
 """
 
 import mmap

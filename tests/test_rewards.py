@@ -93,8 +93,8 @@ def test_authors_reward_by_hand(env_config):
 
 
 def test_default_early_end_is_worth_less_than_a_step_at_two_fifths_of_the_torque_limit(env_config):
-    """With S = 3 at the end of the schedule, living pays 3 - 20 sum a^2 and ending -9: worth it up to sum a^2 = 0.6, which is
-    |a| = 0.387 on all four joints."""
+    """With S = 3 at the end of the schedule, living pays 3 - 20 sum a^2 and ending -9: worth it up to sum a^2 = 0.6, which
+    is |a| = 0.387 on all four joints."""
     config = env_config()
     late = {
         name: getattr(config.reward, name).end if isinstance(getattr(config.reward, name), Schedule) else None
