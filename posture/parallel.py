@@ -28,6 +28,11 @@ def size() -> int:
     return dist.get_world_size() if dist.is_initialized() else int(os.environ.get("WORLD_SIZE", "1"))
 
 
+def own_device(device: str) -> str:
+    """The device of this process: where there are several, `cuda` means the GPU of its place on this machine."""
+    return f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if size() > 1 and device == "cuda" else device
+
+
 def by_torchrun() -> bool:
     """Whether `torchrun` started this process."""
     return "TORCHELASTIC_RUN_ID" in os.environ
@@ -35,9 +40,10 @@ def by_torchrun() -> bool:
 
 @contextlib.contextmanager
 def crew(processes: int, device: str, work: Callable[..., None], *arguments: Any) -> Iterator[None]:
-    """Within it `processes` - 1 others run `work(*arguments)`, joined with this process into one group.
+    """Within it `processes` - 1 others run `work(*arguments)` on the CPU, joined with this process into one group.
 
-    Under torchrun, which has started them all, it only joins the group. Raises RuntimeError if one of them fails.
+    Under torchrun, which has started them all, it only joins the group; one GPU is for one process. Raises RuntimeError if a
+    process fails.
     """
     if by_torchrun():
         if device == "cpu":
@@ -46,7 +52,7 @@ def crew(processes: int, device: str, work: Callable[..., None], *arguments: Any
         if dist.is_initialized():
             dist.destroy_process_group()
         return
-    if processes == 1:
+    if processes == 1 or device != "cpu":
         yield
         return
     with tempfile.TemporaryDirectory(prefix="posture-") as folder:

@@ -41,7 +41,7 @@ def _learn(config: TrainConfig, folder: Path) -> None:
     rank, size = parallel.rank(), parallel.size()
     if config.env.num_envs % size:
         raise ConfigError(f"env.num_envs = {config.env.num_envs} cannot be shared equally among {size} processes")
-    device = f"cuda:{rank}" if size > 1 and config.device == "cuda" else config.device
+    device = parallel.own_device(config.device)
     torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed + 1_000_003 * rank)
     if rank == 0:

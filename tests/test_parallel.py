@@ -62,6 +62,14 @@ def test_the_board_adds_tells_and_gathers():
     assert all(float(state["tensor"].mean()) == place for place, state in enumerate(states))
 
 
+def test_a_gpu_is_for_one_process(monkeypatch):
+    with parallel.crew(2, "cuda", die):
+        assert parallel.size() == 1 and parallel.own_device("cuda") == "cuda"
+    monkeypatch.setenv("WORLD_SIZE", "4")
+    monkeypatch.setenv("LOCAL_RANK", "3")
+    assert parallel.own_device("cuda") == "cuda:3" and parallel.own_device("cpu") == "cpu"
+
+
 def die():
     if parallel.rank() != 0:
         os.kill(os.getpid(), signal.SIGKILL)
