@@ -32,7 +32,7 @@ eval: setup ## evaluate a trained policy; Hydra overrides in ARGS
 theory: setup ## the torque-optimal stander, without learning; Hydra overrides in ARGS
 	$(BIN)/python -m posture.theory $(ARGS)
 
-benchmark: setup ## measure engines and learners (40 min); installs gymnasium and stable-baselines3
+benchmark: setup ## measure engines and learners (long); installs gymnasium and stable-baselines3
 	$(BIN)/python -m pip install --quiet -c constraints.txt gymnasium stable-baselines3
 	$(BIN)/python benchmarks/speed.py
 	$(BIN)/python benchmarks/engines.py

@@ -28,6 +28,7 @@ Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 NonPositive = Annotated[float, Field(le=0)]
 Steps = Annotated[int, Field(ge=1)]
+Physics = Literal["sagittal", "mujoco"]
 Freq = Annotated[float, Field(gt=0, le=MAX_FREQ_HZ)]
 
 
@@ -109,7 +110,7 @@ class EnvConfig(Strict):
     load: NonNegative
     energy_weight: Annotated[float, Field(ge=0)] | Schedule
 
-    physics: Literal["sagittal", "mujoco"]
+    physics: Physics
     control_dt: Annotated[float, Field(gt=0, le=0.1)]
     episode_steps: Steps | tuple[Steps, Steps]
     joint_damping: NonNegative

@@ -201,20 +201,19 @@ def advance(
     guess = qdd[world]
 
     m1 = body.hat_mass + load[world]
-    m23 = body.leg_mass + body.foot_mass
-    total = m1 + m23
-    e1 = m1 * body.hat_com + m23 * body.hip
+    below = body.leg_mass + body.foot_mass
+    total = m1 + below
+    e1 = m1 * body.hat_com + below * body.hip
     e2 = body.leg_mass * body.leg_com + body.foot_mass * body.ankle
     e3 = body.foot_mass * body.foot_com
-    m11 = body.hat_inertia + m1 * wp.dot(body.hat_com, body.hat_com) + m23 * wp.dot(body.hip, body.hip)
+    m11 = body.hat_inertia + m1 * wp.dot(body.hat_com, body.hat_com) + below * wp.dot(body.hip, body.hip)
     m22 = (
         body.leg_inertia
         + wp.dot(body.leg_com, body.leg_com) * body.leg_mass
         + body.foot_mass * wp.dot(body.ankle, body.ankle)
     )
     m33 = body.foot_inertia + body.foot_mass * wp.dot(body.foot_com, body.foot_com)
-    rot = body.friction * body.friction
-    contact_inv_weight = inv_weight[world][0] * (1.0 + rot) * 2.0 * rot
+    contact_inv_weight = inv_weight[world][0] * (1.0 + mu * mu) * 2.0 * mu * mu
 
     hip_moment = float(0.0)
     ankle_moment = float(0.0)
@@ -239,13 +238,13 @@ def advance(
 
         m12 = wp.dot(b1, w2)
         m13 = wp.dot(b1, w3)
-        m23_ = wp.dot(b2, w3)
+        m23 = wp.dot(b2, w3)
         mass = mat5(
             total, 0.0, w1[1], w2[1], w3[1],
             0.0, total, -w1[0], -w2[0], -w3[0],
             w1[1], -w1[0], m11 + armature, m12 - armature, m13,
-            w2[1], -w2[0], m12 - armature, m22 + 2.0 * armature, m23_ - armature,
-            w3[1], -w3[0], m13, m23_ - armature, m33 + armature,
+            w2[1], -w2[0], m12 - armature, m22 + 2.0 * armature, m23 - armature,
+            w3[1], -w3[0], m13, m23 - armature, m33 + armature,
         )  # fmt: skip
 
         hip_angle = at[3] - at[2]

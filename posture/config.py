@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, TypeVar
 import torch
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from envs.config import MAX_FREQ_HZ, EnvConfig, Freq, NonNegative, Positive, Strict
+from envs.config import MAX_FREQ_HZ, EnvConfig, Freq, NonNegative, Physics, Positive, Strict
 from envs.observations import TERMS
 
 Count = Annotated[int, Field(ge=1)]
@@ -150,7 +150,7 @@ class EnvChanges(Strict):
     ankle_k: NonNegative | None
     load: NonNegative | None
     amplitude: Positive | None
-    physics: Literal["sagittal", "mujoco"] | None
+    physics: Physics | None
 
 
 class LqrConfig(Strict):
