@@ -15,8 +15,8 @@ import hydra
 import torch
 import warp as wp
 
-from posture.cli import CONF, plain
 from posture.config import TrainConfig, read
+from posture.jobs import CONF, plain
 
 
 def compose(*overrides: str) -> TrainConfig:

@@ -1,61 +1,69 @@
 """The one way from a command line to a task: Hydra composes, we check, bad input ends in one line and exit code 2.
 
-Every job of a sweep is composed and checked before the first begins, so that a slip in the last of eight values does not
-surface after seven trainings.
+Of a sweep every job is checked before the first begins; one that fails does not stop the others, and the end names it.
 """
 
+import contextlib
+import importlib
 import os
 import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import NoReturn, TypeVar
 
 import hydra
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.hydra_config import HydraConfig
-from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
-from omegaconf import DictConfig, OmegaConf
+from hydra.types import RunMode
+from omegaconf import DictConfig
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 from pydantic import BaseModel
 
-from posture import run_dir
-from posture.config import ConfigError, check_device, read
-from posture.sweep import expand_ranges, override_slug
+from posture import jobs, sweep_run
+from posture.config import ConfigError, read
+from posture.sweep import expand_ranges
 
-CONF = Path(__file__).resolve().parent.parent / "conf"
 Config = TypeVar("Config", bound=BaseModel)
 
 
 def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> None:
     """Compose conf/`name`.yaml with the command line's overrides, check it as `kind`, and call `task(config, folder)` for
-    each job, where `folder` is the job's own. Exits with 2 on bad input."""
+    each job, where `folder` is the job's own. Exits with 2 on bad input, and with 1 where a job of a sweep failed."""
     # Hydra would print errors of a task its own way and exit with 1; they are ours to report.
     os.environ["HYDRA_FULL_ERROR"] = "1"
-    OmegaConf.register_new_resolver("posture.run_folder", run_dir.folder_for, use_cache=True, replace=True)
-    OmegaConf.register_new_resolver("posture.slug", override_slug, replace=True)
-
-    def job(composed: DictConfig) -> None:
-        try:
-            config = read(kind, plain(composed))
-            task(config, Path(HydraConfig.get().runtime.output_dir))
-        except ConfigError as error:
-            _refuse(error)  # here, since Hydra would add lines of its own
-
+    # Not that of __main__, which the processes of a parallel sweep could not import.
+    task = getattr(importlib.import_module(f"posture.{name}"), task.__name__)
     try:
-        sys.argv[1:] = _expanded(sys.argv[1:])
-        sys.argv[1:] = _check_jobs(name, kind, sys.argv[1:])
-        hydra.main(version_base="1.3", config_path=str(CONF), config_name=name)(job)()
+        command = jobs.check(name, kind, _expanded(sys.argv[1:]))
+        sys.argv[1:] = command.argv
+        start = hydra.main(version_base="1.3", config_path=str(jobs.CONF), config_name=name)
+        if command.launcher is None:
+            start(lambda composed: _alone(kind, task, composed))()
+            return
+        quiet = command.launcher != "basic"
+        standing = sweep_run.Standing(command.jobs)
+        announced = {} if quiet else {str(job.folder.resolve()): i for i, job in enumerate(command.jobs, 1)}
+
+        def job(composed: DictConfig) -> None:
+            folder = Path(HydraConfig.get().runtime.output_dir)
+            if str(folder) in announced:
+                print(f"== job {announced[str(folder)]} of {len(announced)}, {folder.name}", flush=True)
+            sweep_run.guarded(lambda: task(read(kind, jobs.plain(composed)), folder), folder, quiet)
+            if announced:
+                print(f"sweep: {standing.line()}", flush=True)
+
+        with sweep_run.told(standing, "sweep") if quiet else contextlib.nullcontext():
+            start(job)()
     except (ConfigError, HydraException, OmegaConfBaseException) as error:
         _refuse(error)
+    if not sweep_run.sum_up(command.jobs, standing.before):
+        sys.exit(1)
 
 
-def plain(composed: DictConfig) -> dict[str, Any]:
-    """The composed configuration, without Hydra's own part, as plain values."""
-    values = OmegaConf.to_container(composed, resolve=True)
-    assert isinstance(values, dict)
-    return {str(key): value for key, value in values.items() if key != "hydra"}
+def in_sweep() -> bool:
+    """Whether the present job is one of a sweep."""
+    return bool(HydraConfig.get().mode == RunMode.MULTIRUN)
 
 
 def overridden_keys() -> set[str]:
@@ -76,6 +84,13 @@ def one_line(error: Exception) -> str:
     return re.sub(r"\s*\n\s*", " ", text).strip()
 
 
+def _alone(kind: type[Config], task: Callable[[Config, Path], None], composed: DictConfig) -> None:
+    try:
+        task(read(kind, jobs.plain(composed)), Path(HydraConfig.get().runtime.output_dir))
+    except ConfigError as error:
+        _refuse(error)  # here, since Hydra would add lines of its own
+
+
 def _refuse(error: Exception) -> NoReturn:
     print(f"error: {one_line(error)}", file=sys.stderr)
     sys.exit(2)
@@ -86,31 +101,3 @@ def _expanded(argv: list[str]) -> list[str]:
         return expand_ranges(argv)
     except ValueError as error:
         raise ConfigError(str(error)) from None
-
-
-def _check_jobs(name: str, kind: type[BaseModel], argv: list[str]) -> list[str]:
-    """Check every job; the arguments with which Hydra is to be called."""
-    flags = {argument.split("=", 1)[0] for argument in argv if argument.startswith("-")}
-    if flags - {"-m", "--multirun"}:
-        return argv  # --help, --cfg and the like run no job
-    overrides = [argument for argument in argv if not argument.startswith("-")]
-    parsed = OverridesParser.create().parse_overrides(overrides)
-    fixed: list[str] = []
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        if flags:
-            jobs = [list(job) for batch in BasicSweeper.split_arguments(parsed, None) for job in batch]
-            fixed = [o.get_key_element().lstrip("+~") for o in parsed if not o.is_sweep_override()]
-        else:
-            jobs = [overrides]
-        for job in jobs:
-            try:
-                composed = hydra.compose(name, job)
-            except ValueError as error:  # what Hydra raises for a group that is given no name
-                raise ConfigError(str(error)) from None
-            config = read(kind, plain(composed))
-            check_device(getattr(config, "device", "cpu"))
-            if flags and getattr(config, "resume", None) is not None:
-                raise ConfigError("resume goes on with one run: not together with -m")
-    # A job's folder is named by what is swept, not by what all jobs share.
-    names = [key for key in fixed if not key.startswith("hydra")]
-    return [*argv, f"hydra.job.config.override_dirname.exclude_keys=[{','.join(names)}]"] if flags else argv

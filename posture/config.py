@@ -97,6 +97,7 @@ class EvaluationConfig(Strict):
     transient: NonNegative
     tolerance: Positive
     still_joint_deg: Positive
+    figures: bool
 
 
 class TrainConfig(Strict):

@@ -282,3 +282,18 @@ def write_csv(rows: list[Row], path: str | Path) -> None:
         writer.writeheader()
         for row in rows:
             writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
+
+
+def read_csv(path: str | Path) -> list[Row]:
+    """Read what `write_csv` wrote: numbers as float, True and False as bool, all else as text."""
+    with Path(path).open(newline="") as file:
+        return [{name: _value(text) for name, text in row.items()} for row in csv.DictReader(file)]
+
+
+def _value(text: str) -> float | bool | str:
+    if text in ("True", "False"):
+        return text == "True"
+    try:
+        return float(text)
+    except ValueError:
+        return text

@@ -1,17 +1,19 @@
 """From a checkpoint to trajectories, indices, table and figures: the analyst's pipeline."""
 
+import hashlib
 from pathlib import Path
 from typing import Any
 
 import torch
 from rsl_rl.models import MLPModel
 
-from envs.config import EnvConfig
+from envs.config import EnvConfig, as_plain
 from envs.head_tracking import HeadTrackingEnv
 from posture import run_dir
 from posture.atomic import replacing
+from posture.code_version import envs_version
 from posture.config import ConfigError, EnvChanges, EvaluationConfig, LqrConfig, TrainConfig, check_trial
-from posture.coordination import Row, indices, write_csv
+from posture.coordination import Row, indices, read_csv, write_csv
 from posture.figures import draw_all
 from posture.lqr import LqrController, plan
 from posture.prediction import predict
@@ -25,24 +27,44 @@ AS_TRAINED = EnvChanges(hip_k=None, ankle_k=None, load=None, amplitude=None, phy
 
 
 def evaluate_run(run: Path, config: TrainConfig) -> list[Row]:
-    """Evaluate the newest checkpoint of `run` as its own configuration says; print the table."""
+    """Evaluate the newest checkpoint of `run` as its own configuration says, unless that was done; print the table."""
     model = run_dir.newest_model(run)
     if model is None:
         raise ConfigError(f"{run}: no checkpoint to evaluate")
-    return evaluate(model, config, config.evaluation, AS_TRAINED, config.device, run / "evaluation")
+    return evaluate(model, config, config.evaluation, AS_TRAINED, config.device, run / "evaluation", again=False)
 
 
 def evaluate(
-    model: Path, run: TrainConfig, evaluation: EvaluationConfig, changes: EnvChanges, device: str, out: Path
+    model: Path,
+    run: TrainConfig,
+    evaluation: EvaluationConfig,
+    changes: EnvChanges,
+    device: str,
+    out: Path,
+    again: bool = True,
 ) -> list[Row]:
-    """Evaluate the deterministic policy of checkpoint `model` of a run; see `analyse`."""
+    """Evaluate the deterministic policy of checkpoint `model` of a run; see `analyse`.
+
+    Not `again`: where `out` has what the same policy, code and conditions gave, that is read.
+    """
     content = run_dir.load(model, device)
     run_dir.writable(out)
+    trial = trial_config(run.env, evaluation, changes)
+    about = {
+        "policy": str(model),
+        "policy_sha256": hashlib.sha256(model.read_bytes()).hexdigest(),
+        "seed": run.seed,
+        "envs_version": envs_version(),
+    }
+    if not again and run_dir.read_yaml(out / "trial.yaml") == about | _conditions(evaluation, trial):
+        rows = read_csv(out / "metrics.csv")
+        print(evaluation_table(rows, published(run.paper, trial)))
+        print(f"evaluated before: {out}")
+        return rows
     with preparing():
-        env = HeadTrackingEnv(trial_config(run.env, evaluation, changes), run.seed, device)
+        env = HeadTrackingEnv(trial, run.seed, device)
         policy = load_policy(content, env, run, model)
         env.warm_up()
-    about = {"policy": str(model), "seed": run.seed}
     return analyse(env, policy, evaluation, run.paper, out, about)
 
 
@@ -88,18 +110,22 @@ def analyse(
     )
     rows = beside_theory(rows, env.config, evaluation)
     shape = env.sim.geometry
-    conditions = {"evaluation": evaluation.model_dump(mode="json"), "env": env.cfg}
-    run_dir.write_yaml(out / "trial.yaml", about | conditions)
     trajectory.save(out / "trajectories.npz")
     write_csv(rows, out / "metrics.csv")
     comparable = published(paper, env.config)
     with replacing(out / "table.md") as temporary:
         temporary.write_text(markdown_table(rows, comparable) + "\n", encoding="utf-8")
-    figures = draw_all(trajectory, rows, comparable, out, (shape.heel_x, shape.toe_x))
+    figures = draw_all(trajectory, rows, comparable, out, (shape.heel_x, shape.toe_x)) if evaluation.figures else []
+    # Last, since it says that all is there.
+    run_dir.write_yaml(out / "trial.yaml", about | _conditions(evaluation, env.config))
     print(evaluation_table(rows, comparable))
     for path in (*(out / name for name in ("metrics.csv", "table.md", "trajectories.npz", "trial.yaml")), *figures):
         print(path)
     return rows
+
+
+def _conditions(evaluation: EvaluationConfig, env: EnvConfig) -> dict[str, Any]:
+    return {"evaluation": evaluation.model_dump(mode="json"), "env": as_plain(env)}
 
 
 def beside_theory(rows: list[Row], env: EnvConfig, evaluation: EvaluationConfig) -> list[Row]:

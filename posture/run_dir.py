@@ -25,6 +25,7 @@ import torch
 import yaml
 
 from posture.atomic import replacing
+from posture.code_version import envs_version
 from posture.config import ConfigError, TrainConfig, read
 
 RUNS = Path("runs")
@@ -112,6 +113,12 @@ def iteration_of(model: Path) -> int:
     return int(model.stem.removeprefix("model_"))
 
 
+def iterations_done(run: Path) -> int:
+    """Number of iterations after which `run` can go on. Raises ConfigError where its resume.pt is damaged."""
+    state = run / "resume.pt"
+    return int(load(state, "cpu").get("iteration", 0)) if state.exists() or newest_model(run) else 0
+
+
 def read_config(run: Path) -> TrainConfig:
     """The run's own configuration, checked anew. Raises ConfigError."""
     path = run / "config.yaml"
@@ -134,6 +141,7 @@ def write_config(run: Path, config: TrainConfig) -> None:
             "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
             "started": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
             "git_commit": _git_commit(),
+            "envs_version": envs_version(),
             "python": platform.python_version(),
             "platform": platform.platform(),
             "versions": {name: importlib.metadata.version(name) for name in PACKAGES},
@@ -146,6 +154,14 @@ def write_yaml(path: Path, values: Any) -> None:
     """Write plain values as YAML, whole or not at all."""
     with replacing(path) as temporary:
         temporary.write_text(yaml.safe_dump(values, sort_keys=False, allow_unicode=True), encoding="utf-8")
+
+
+def read_yaml(path: Path) -> Any:
+    """What `write_yaml` wrote; None where there is no such file or it cannot be read."""
+    try:
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+        return None
 
 
 def writable(folder: Path) -> Path:

@@ -18,11 +18,15 @@ RESUME_KEYS = {"resume", "max_iterations", "device", "threads", "evaluate"}
 
 
 def train(config: TrainConfig, folder: Path) -> None:
-    """Run one training job in `folder`."""
+    """Run one training job in `folder`; where the folder of an experiment's job holds a part of it, only what is missing."""
     if config.resume is not None:
         config = _resumed(config, folder)
-    with parallel.crew(config.processes, config.device, _learn, config, folder):
-        _learn(config, folder)
+    done = 0 if config.resume is None and not run_dir.is_run(folder) else run_dir.iterations_done(folder)
+    if done < config.max_iterations:
+        with parallel.crew(config.processes, config.device, _learn, config, folder, done > 0):
+            _learn(config, folder, done > 0)
+    else:
+        print(f"{folder}: already trained")
     if parallel.rank() != 0:
         return
     if config.evaluate:
@@ -32,8 +36,8 @@ def train(config: TrainConfig, folder: Path) -> None:
     print(f"run: {folder}")
 
 
-def _learn(config: TrainConfig, folder: Path) -> None:
-    """This process's share of the training."""
+def _learn(config: TrainConfig, folder: Path, resume: bool) -> None:
+    """This process's share of the training; `resume`: go on from the folder's newest state."""
     # Only now, so that bad input is answered before physics takes seconds to import.
     from envs.head_tracking import HeadTrackingEnv
     from posture.learner import Learner
@@ -46,13 +50,13 @@ def _learn(config: TrainConfig, folder: Path) -> None:
     torch.manual_seed(config.seed + 1_000_003 * rank)
     if rank == 0:
         run_dir.writable(folder)
-        if config.resume is None:
+        if not resume:
             run_dir.write_config(folder, config)
     with preparing():
         env = HeadTrackingEnv(config.env, config.seed, device, (rank, size))
         learner = Learner(env, config.agent, folder, device)
         env.warm_up()
-        if config.resume is not None:
+        if resume:
             learner.resume()
             if rank == 0:
                 run_dir.write_config(folder, config)  # only now that it is known to fit
@@ -71,7 +75,7 @@ def _resumed(config: TrainConfig, folder: Path) -> TrainConfig:
     news = {key: getattr(config, key) for key in changed}
     merged = own.model_copy(update=news)
     check_device(merged.device)
-    done = run_dir.load(folder / "resume.pt", "cpu").get("iteration", 0)
+    done = run_dir.iterations_done(folder)
     if merged.max_iterations <= done:
         raise ConfigError(
             f"max_iterations = {merged.max_iterations}: {folder} has already done {done}; it is a total, so give a larger "

@@ -8,8 +8,8 @@ import torch
 
 from envs.config import EnvConfig
 from envs.segments import Segments
-from posture.cli import CONF, plain
 from posture.config import EvalConfig, TrainConfig, read
+from posture.jobs import CONF, plain
 from posture.stander import segments
 
 

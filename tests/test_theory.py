@@ -10,7 +10,7 @@ import pytest
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 
-from posture import cli
+from posture import cli, jobs
 from posture.prediction import cop_binds, predict
 from posture.stander import linearise, segments
 from posture.theory import theory
@@ -117,8 +117,8 @@ def test_where_no_tolerance_ends_the_episode_that_of_the_evaluation_counts():
     from posture.config import read as checked
 
     GlobalHydra.instance().clear()
-    with hydra.initialize_config_dir(str(cli.CONF), version_base="1.3"):
-        config = checked(TheoryConfig, cli.plain(hydra.compose("theory", ["env=paper"])))
+    with hydra.initialize_config_dir(str(jobs.CONF), version_base="1.3"):
+        config = checked(TheoryConfig, jobs.plain(hydra.compose("theory", ["env=paper"])))
     assert config.tolerance is None and config.head_tolerance == config.evaluation.tolerance
 
 
