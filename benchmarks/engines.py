@@ -31,11 +31,11 @@ import mujoco
 import numpy as np
 import torch
 from mujoco.rollout import Rollout
-from mujoco_c import build
 from shared import alone, compose, hardware, memory, missing, timed, write
 
 from envs.config import EnvConfig
 from envs.head_tracking import HeadTrackingEnv
+from envs.mujoco_c import build
 from envs.simulation import ConstraintOverflowError
 
 ENGINES = ("sagittal", "mujoco", "mujoco_c", "gymnasium", "gymnasium_async")

@@ -12,11 +12,11 @@ import gymnasium
 import mujoco
 import numpy as np
 from gymnasium import spaces
-from mujoco_c import build
 
 from envs import rewards, terminations
 from envs.body import ANKLES, FEET, HIPS, JOINTS
 from envs.config import EnvConfig
+from envs.mujoco_c import build
 
 FORK = "fork"
 """How worlds get their processes: each would else import Newton anew, for the sake of a few names in envs/body.py."""

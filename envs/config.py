@@ -28,7 +28,7 @@ Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 NonPositive = Annotated[float, Field(le=0)]
 Steps = Annotated[int, Field(ge=1)]
-Physics = Literal["sagittal", "mujoco"]
+Physics = Literal["sagittal", "mujoco", "mujoco_c"]
 Freq = Annotated[float, Field(gt=0, le=MAX_FREQ_HZ)]
 
 
@@ -88,7 +88,7 @@ class TerminationConfig(Strict):
 
 
 class SolverConfig(Strict):
-    """Time step and contact of both engines; rows and contacts are of SolverMuJoCo alone."""
+    """Time step and contact of all engines; rows and contacts are of SolverMuJoCo alone."""
 
     substeps: Annotated[int, Field(ge=1, le=100)]
     iterations: Annotated[int, Field(ge=1, le=1000)]

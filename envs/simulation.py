@@ -85,6 +85,10 @@ def simulate(config: EnvConfig, num_worlds: int, device: str) -> Simulation:
         from envs.sagittal import SagittalSimulation
 
         return SagittalSimulation(config, num_worlds, device)
+    if config.physics == "mujoco_c":
+        from envs.mujoco_c import MujocoCSimulation
+
+        return MujocoCSimulation(config, num_worlds, device)
     from envs.spatial import SpatialSimulation
 
     return SpatialSimulation(config, num_worlds, device)
