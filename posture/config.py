@@ -118,6 +118,7 @@ class TrainConfig(Strict):
     @model_validator(mode="after")
     def _consistent(self) -> "TrainConfig":
         check_trial(self.evaluation, self.env)
+        check_engine(self.env.physics, self.device)
         for group, terms in self.env.observations.items():
             unknown = sorted(set(terms) - set(TERMS))
             if unknown:
@@ -178,6 +179,11 @@ class EvalConfig(Strict):
     evaluation: EvaluationConfig
     paper: dict[str, Any]
 
+    @model_validator(mode="after")
+    def _consistent(self) -> "EvalConfig":
+        check_engine(self.env.physics or (self.lqr.env.physics if self.policy == "lqr" else None), self.device)
+        return self
+
 
 Config = TypeVar("Config", bound=BaseModel)
 
@@ -200,6 +206,12 @@ def check_device(device: str) -> None:
         raise ConfigError(f"device: '{device}' asks for CUDA, but torch {torch.__version__} finds no CUDA device; use cpu")
     if int(device.partition(":")[2] or 0) >= torch.cuda.device_count():
         raise ConfigError(f"device: '{device}' does not exist; this machine has {torch.cuda.device_count()} CUDA devices")
+
+
+def check_engine(physics: Physics | None, device: str) -> None:
+    """Raise ValueError unless the engine, where one is named, can compute on `device`."""
+    if physics == "mujoco_c" and device != "cpu":
+        raise ValueError(f"device: env.physics=mujoco_c computes on cpu alone, not on '{device}'")
 
 
 def check_trial(evaluation: EvaluationConfig, env: EnvConfig) -> None:
