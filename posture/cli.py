@@ -66,6 +66,11 @@ def in_sweep() -> bool:
     return bool(HydraConfig.get().mode == RunMode.MULTIRUN)
 
 
+def experiment() -> str | None:
+    """The experiment of conf/experiment/ that the present job belongs to, if any."""
+    return HydraConfig.get().runtime.choices.get("experiment")
+
+
 def overridden_keys() -> set[str]:
     """Keys that the present job's command line sets."""
     return {override.split("=", 1)[0].lstrip("+~") for override in HydraConfig.get().overrides.task}

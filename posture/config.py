@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, TypeVar
 import torch
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
-from envs.config import MAX_FREQ_HZ, EnvConfig, Freq, NonNegative, Physics, Positive, Strict
+from envs.config import MAX_FREQ_HZ, EnvConfig, Freq, NonNegative, Physics, Positive, Ramp, Strict
 from envs.observations import TERMS
 
 Count = Annotated[int, Field(ge=1)]
@@ -153,6 +153,7 @@ class EnvChanges(Strict):
     load: NonNegative | None
     amplitude: Positive | None
     physics: Physics | None
+    ramp: Ramp | None
 
 
 class LqrConfig(Strict):
@@ -175,6 +176,7 @@ class EvalConfig(Strict):
     ckpt: str
     device: str
     out: str | None
+    again: bool
     env: EnvChanges
     evaluation: EvaluationConfig
     paper: dict[str, Any]

@@ -11,16 +11,19 @@ from pathlib import Path
 
 from envs.config import Schedule
 from posture import cli, run_dir
-from posture.config import EnvChanges, EvalConfig
+from posture.config import EnvChanges, EvalConfig, TrainConfig
 from posture.coordination import Row, write_csv
 from posture.sweep import override_slug
 
 
-def evaluate_all(config: EvalConfig, _folder: Path) -> None:
-    """Evaluate every checkpoint that `ckpt` means, each into its own folder; of a sweep also one table of all."""
-    # Only now, so that bad input is answered before physics takes seconds to import.
+def evaluate_all(config: EvalConfig, job: Path) -> None:
+    """Evaluate every checkpoint that `ckpt` means, each into its own folder; of several also one table of all.
+
+    `job`: the folder of a sweep's job, which holds that table, and all else too where the sweep is an experiment's.
+    """
     out = None if config.out is None else run_dir.writable(Path(config.out))
     if config.policy == "lqr":
+        # Only now, so that bad input is answered before physics takes seconds to import.
         from posture.evaluation import evaluate_lqr
 
         folder = out or Path(run_dir.folder_for(str(run_dir.RUNS), None)) / "evaluation"
@@ -30,26 +33,32 @@ def evaluate_all(config: EvalConfig, _folder: Path) -> None:
     runs = [run_dir.read_config(model.parent) for model in models]
     from posture.evaluation import evaluate
 
+    in_experiment = cli.in_sweep() and cli.experiment() is not None
     everything: list[Row] = []
     for model, run in zip(models, runs, strict=True):
         folder = model.parent / folder_name(model, config.env) if out is None else out
         if len(models) > 1:
             print(f"== {model.parent.name}")
             folder = folder if out is None else out / model.parent.name
-        rows = evaluate(model, run, config.evaluation, config.env, config.device, folder)
-        weight = run.env.energy_weight
-        condition = {
-            "run": model.parent.name,
-            "seed": run.seed,
-            "energy_weight": weight.end if isinstance(weight, Schedule) else weight,
-            "physics": config.env.physics or run.env.physics,
-            "amplitude_m": config.env.amplitude or run.env.amplitude,
-        }
-        everything += [condition | row for row in rows]
-    if len(models) > 1:
-        table = (Path(config.ckpt) if out is None else out) / "metrics.csv"
+        if in_experiment and out is None:
+            folder = job / model.parent.name
+        rows = evaluate(model, run, config.evaluation, config.env, config.device, folder, config.again)
+        everything += [condition(run, config.env) | {"run": model.parent.name} | row for row in rows]
+    if len(models) > 1 or in_experiment:
+        table = (out or (job if cli.in_sweep() else Path(config.ckpt))) / "metrics.csv"
         write_csv(everything, table)
         print(f"all runs: {table}")
+
+
+def condition(run: TrainConfig, changes: EnvChanges) -> Row:
+    """What distinguishes the rows of one run's evaluation from another's, beside their own columns."""
+    weight = run.env.energy_weight
+    return {
+        "seed": run.seed,
+        "energy_weight": weight.end if isinstance(weight, Schedule) else weight,
+        "physics": changes.physics or run.env.physics,
+        "amplitude_m": changes.amplitude or run.env.amplitude,
+    }
 
 
 def folder_name(model: Path, changes: EnvChanges) -> str:
@@ -57,7 +66,7 @@ def folder_name(model: Path, changes: EnvChanges) -> str:
     own."""
     changed = {key: value for key, value in changes.model_dump().items() if value is not None}
     parts = [] if model == run_dir.newest_model(model.parent) else [model.stem]
-    parts += [f"{key}={value if isinstance(value, str) else format(value, 'g')}" for key, value in changed.items()]
+    parts += [f"{key}={format(value, 'g') if isinstance(value, float) else value}" for key, value in changed.items()]
     return f"evaluation_{override_slug(','.join(parts))}" if parts else "evaluation"
 
 

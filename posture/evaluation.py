@@ -23,7 +23,7 @@ from posture.rollout import Policy, rollout
 from posture.stander import linearise, segments
 from posture.table import evaluation_table, markdown_table
 
-AS_TRAINED = EnvChanges(hip_k=None, ankle_k=None, load=None, amplitude=None, physics=None)
+AS_TRAINED = EnvChanges(hip_k=None, ankle_k=None, load=None, amplitude=None, physics=None, ramp=None)
 
 
 def evaluate_run(run: Path, config: TrainConfig) -> list[Row]:
@@ -100,7 +100,8 @@ def analyse(
 
     Prints the table and what was written. Returns the rows of metrics.csv.
     """
-    freq = torch.tensor(evaluation.freq, dtype=torch.float64)
+    # A ramp is the environment's own target.
+    freq = torch.tensor(evaluation.freq, dtype=torch.float64) if env.config.ramp is None else None
     trajectory = rollout(env, policy, freq, evaluation.duration)
     rows = indices(
         trajectory,
@@ -135,8 +136,8 @@ def beside_theory(rows: list[Row], env: EnvConfig, evaluation: EvaluationConfig)
     The bound is that of the linear model with flat feet and the head within the tolerance: a ratio below one means something
     only beside `beyond_tolerance_share` and `foot_not_flat_share`.
     """
-    if evaluation.tolerance >= env.amplitude:
-        return rows  # to stand still is then good enough, and there is no motion to compare with
+    if env.ramp is not None or evaluation.tolerance >= env.amplitude:
+        return rows  # there is no periodic motion to compare with; or to stand still is good enough
     body = segments(env)
     joined = []
     for row in rows:

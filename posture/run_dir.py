@@ -29,6 +29,8 @@ from posture.code_version import envs_version
 from posture.config import ConfigError, TrainConfig, read
 
 RUNS = Path("runs")
+PRETRAINED = Path(__file__).resolve().parent / "pretrained"
+"""Run folders that come with the package, reduced to their policies: posture/ship.py."""
 PACKAGES = ("posture", "newton", "warp-lang", "mujoco", "mujoco-warp", "rsl-rl-lib", "torch", "hydra-core", "numpy")
 
 
@@ -76,11 +78,13 @@ def find_run(name: str) -> Path:
 
 
 def find_checkpoints(name: str) -> list[Path]:
-    """Checkpoint files that `ckpt=name` means: a file, the newest of a run folder, of each run of a sweep, or of the latest
-    run. Raises ConfigError."""
+    """Checkpoint files that `ckpt=name` means: a file, the newest of a run folder, of each run of a sweep, of the latest
+    run, or one that comes with the package. Raises ConfigError."""
     path = Path(name)
     if name == "latest":
         runs = [find_run(name)]
+    elif name == "pretrained" or name.startswith("pretrained/"):
+        return [_pretrained(name.removeprefix("pretrained").lstrip("/") or "default")]
     elif path.is_file():
         if not is_run(path.parent):
             raise ConfigError(f"{name}: there is no config.yaml beside it, so its environment is not known")
@@ -91,7 +95,7 @@ def find_checkpoints(name: str) -> list[Path]:
             raise ConfigError(f"{name}: neither a run folder (with config.yaml) nor a sweep of such folders")
     else:
         raise ConfigError(
-            f"{name}: no such file or folder; allowed are a checkpoint, a run folder, a sweep folder, or latest"
+            f"{name}: no such file or folder; allowed are a checkpoint, a run folder, a sweep folder, latest, or pretrained"
         )
     found = [newest_model(run) for run in runs]
     if not any(found):
@@ -100,6 +104,14 @@ def find_checkpoints(name: str) -> list[Path]:
         if model is None:
             print(f"left out: {run} has no checkpoint yet")
     return [model for model in found if model is not None]
+
+
+def _pretrained(name: str) -> Path:
+    model = newest_model(PRETRAINED / name) if re.fullmatch(r"[\w.-]+", name) else None
+    if model is None:
+        known = sorted(path.name for path in PRETRAINED.iterdir() if is_run(path)) if PRETRAINED.is_dir() else []
+        raise ConfigError(f"pretrained/{name}: no such policy; there are {', '.join(known)}")
+    return model
 
 
 def newest_model(run: Path) -> Path | None:
