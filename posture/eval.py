@@ -9,9 +9,8 @@ python -m posture.eval policy=lqr                        # the model-based contr
 
 from pathlib import Path
 
-from envs.config import Schedule
 from posture import cli, run_dir
-from posture.config import EnvChanges, EvalConfig, TrainConfig
+from posture.config import EnvChanges, EvalConfig
 from posture.coordination import Row, write_csv
 from posture.sweep import override_slug
 
@@ -31,7 +30,7 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
         return
     models = run_dir.find_checkpoints(config.ckpt)
     runs = [run_dir.read_config(model.parent) for model in models]
-    from posture.evaluation import evaluate
+    from posture.evaluation import condition, evaluate
 
     in_experiment = cli.in_sweep() and cli.experiment() is not None
     everything: list[Row] = []
@@ -48,17 +47,6 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
         table = (out or (job if cli.in_sweep() else Path(config.ckpt))) / "metrics.csv"
         write_csv(everything, table)
         print(f"all runs: {table}")
-
-
-def condition(run: TrainConfig, changes: EnvChanges) -> Row:
-    """What distinguishes the rows of one run's evaluation from another's, beside their own columns."""
-    weight = run.env.energy_weight
-    return {
-        "seed": run.seed,
-        "energy_weight": weight.end if isinstance(weight, Schedule) else weight,
-        "physics": changes.physics or run.env.physics,
-        "amplitude_m": changes.amplitude or run.env.amplitude,
-    }
 
 
 def folder_name(model: Path, changes: EnvChanges) -> str:

@@ -1,13 +1,14 @@
 """From a checkpoint to trajectories, indices, table and figures: the analyst's pipeline."""
 
 import hashlib
+import math
 from pathlib import Path
 from typing import Any
 
 import torch
 from rsl_rl.models import MLPModel
 
-from envs.config import EnvConfig, as_plain
+from envs.config import EnvConfig, Schedule, as_plain
 from envs.head_tracking import HeadTrackingEnv
 from posture import run_dir
 from posture.atomic import replacing
@@ -19,6 +20,7 @@ from posture.lqr import LqrController, plan
 from posture.prediction import predict
 from posture.program import InfeasibleError
 from posture.progress import preparing
+from posture.ramp import transitions
 from posture.rollout import Policy, rollout
 from posture.stander import linearise, segments
 from posture.table import evaluation_table, markdown_table
@@ -109,6 +111,11 @@ def analyse(
         tolerance_m=evaluation.tolerance,
         still_joint_deg=evaluation.still_joint_deg,
     )
+    if env.config.ramp is not None:
+        ramp, steps = env.config.ramp, int(paper["experiment_4a"]["window_steps"])
+        still = math.radians(evaluation.still_joint_deg)
+        found = transitions(trajectory, ramp.start, ramp.rate, ramp.duration, steps, still)
+        rows = [row | more for row, more in zip(rows, found, strict=True)]
     rows = beside_theory(rows, env.config, evaluation)
     shape = env.sim.geometry
     trajectory.save(out / "trajectories.npz")
@@ -146,6 +153,17 @@ def beside_theory(rows: list[Row], env: EnvConfig, evaluation: EvaluationConfig)
         ratio = row["cost"] / theory["least_cost"]
         joined.append({**row, "cost_ratio": ratio, "cop_binds": theory["cop_binds"], **least})
     return joined
+
+
+def condition(run: TrainConfig, changes: EnvChanges) -> Row:
+    """What distinguishes the rows of one run's evaluation from another's, beside their own columns."""
+    weight = run.env.energy_weight
+    return {
+        "seed": run.seed,
+        "energy_weight": weight.end if isinstance(weight, Schedule) else weight,
+        "physics": changes.physics or run.env.physics,
+        "amplitude_m": changes.amplitude or run.env.amplitude,
+    }
 
 
 def published(paper: dict[str, Any], env: EnvConfig) -> dict[str, Any]:

@@ -76,6 +76,7 @@ class MotionIndices:
     hip_ankle_r: float  # Pearson; positive in-phase
     phase_mean_deg: float  # hip - ankle at the target's frequency, -180 .. 180
     head_amplitude_m: float  # half the peak-to-peak
+    head_speed_mps: float  # mean absolute velocity
     energy_j: float  # paper Eq. 9 over a trial of `duration`
     cost: float  # mean sum over the four joints of (tau / limit)^2, paper Eq. 10 normalised
     hip_range_deg: float  # peak-to-peak, as the three below
@@ -109,6 +110,7 @@ def indices(motion: Motion, duration: float) -> MotionIndices:
         hip_ankle_r=correlation(hip, ankle),
         phase_mean_deg=math.degrees(np.angle(difference)) if difference else math.nan,
         head_amplitude_m=float(np.ptp(head)) / 2,
+        head_speed_mps=float(np.abs(motion.velocity(time) @ motion.stander.head).mean()),
         energy_j=energy(joint_torque, joint_velocity, duration / len(time)),
         cost=torque_cost(joint_torque, motion.stander.torque_limit),
         hip_range_deg=float(np.degrees(np.ptp(hip))),

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
-from posture.trajectory import Array
+from posture.trajectory import Array, Trajectory
 
 
 class RampTransition(NamedTuple):
@@ -98,3 +98,22 @@ def ramp_transition(freq_t: ArrayLike, r: ArrayLike) -> RampTransition:
             share = 1.0 if j > i + 1 else values[i] / (values[i] - values[j])
             transition = float(f[i] + share * (f[i + 1] - f[i]))
     return RampTransition(transition, crossings)
+
+
+def transitions(
+    trajectory: Trajectory, start: float, rate: float, duration: float, window_steps: int, still_rad: float
+) -> list[dict[str, float]]:
+    """Of each world of a ramp its transition frequency [Hz] by centred and by trailing windows, nan where there is none, and
+    the sign changes in each. See `ramp_frequency`, `window_correlation` and `ramp_transition`."""
+    freq = ramp_frequency(trajectory.time, start, rate, duration)
+    rows = []
+    for world in range(len(trajectory.freq)):
+        row: dict[str, float] = {}
+        for name, centred in (("centred", True), ("trailing", False)):
+            hip, ankle = trajectory.hip[:, world], trajectory.ankle[:, world]
+            r = window_correlation(hip, ankle, window_steps, centred=centred, still_rad=still_rad)
+            found = ramp_transition(freq, r)
+            row[f"transition_{name}_hz"] = np.nan if found.freq_hz is None else found.freq_hz
+            row[f"crossings_{name}"] = found.crossings
+        rows.append(row)
+    return rows

@@ -6,6 +6,7 @@ one the error, whose traceback is in error.txt. Under a launcher of several proc
 
 import contextlib
 import datetime
+import sys
 import threading
 import time
 import traceback
@@ -86,11 +87,11 @@ class Standing:
 @contextlib.contextmanager
 def told(standing: Standing, what: str, every: float = TOLD_EVERY_S) -> Iterator[None]:
     """While the body of this `with` runs, print how far the jobs are, now and then."""
-    ended = threading.Event()
+    ended, here = threading.Event(), sys.stdout  # a job in this very process may redirect what is printed
 
     def tell() -> None:
         while not ended.wait(every):
-            print(f"{what}: {standing.line()}", flush=True)
+            print(f"{what}: {standing.line()}", file=here, flush=True)
 
     teller = threading.Thread(target=tell, daemon=True)
     teller.start()

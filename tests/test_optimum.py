@@ -193,6 +193,7 @@ def test_indices_of_a_sinusoid_by_hand(stander):
     )
     assert seen.hip_ankle_r == pytest.approx(0.0, abs=1e-9)
     assert seen.phase_mean_deg == pytest.approx(90.0)
+    assert seen.head_speed_mps == pytest.approx(4 * seen.head_amplitude_m * 0.5, rel=1e-4)  # twice to and fro in a cycle
     w = math.pi
     amplitudes = (stander.stiffness - w**2 * stander.mass + 1j * w * stander.damping) @ motion.coefficients[1] / 2
     still = (stander.stiffness @ motion.coefficients[0].real + stander.offset) / 2

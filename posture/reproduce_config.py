@@ -1,0 +1,28 @@
+"""Configuration of the reproduction; values in conf/reproduce.yaml."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, model_validator
+
+from envs.config import Freq, Strict
+
+Stage = Literal["train", "evaluate", "report", "ship"]
+
+
+class ReproduceConfig(Strict):
+    """Everything that `posture.reproduce` is told."""
+
+    seeds: Annotated[int, Field(ge=1)]
+    stages: Annotated[tuple[Stage, ...], Field(min_length=1)]
+    launcher: Literal["joblib", "basic", "submitit_local", "submitit_slurm"]
+    parallel: Annotated[int, Field(ge=1, le=1024)]
+    out: str
+    search: tuple[Freq, Freq]
+    overrides: tuple[str, ...]
+    paper: dict[str, Any]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "ReproduceConfig":
+        if not self.search[0] < self.search[1]:
+            raise ValueError(f"search: a range goes from low to high, got {list(self.search)}")
+        return self
