@@ -10,9 +10,9 @@ from envs.head_tracking import HeadTrackingEnv
 from envs.observations import TERMS
 
 
-@pytest.fixture(params=["sagittal", "mujoco"], autouse=True)
+@pytest.fixture(params=["sagittal", "mujoco", "mujoco_c"], autouse=True)
 def env_config(request, env_config):
-    """Every test is for both engines."""
+    """Every test is for all engines."""
     return lambda *overrides: env_config(f"env.physics={request.param}", *overrides)
 
 
