@@ -1,6 +1,5 @@
 """The command line as users meet it: real runs of tiny size, and one clear line with exit code 2 for bad input."""
 
-import csv
 import subprocess
 import sys
 from pathlib import Path
@@ -8,63 +7,15 @@ from pathlib import Path
 import pytest
 import torch
 import yaml
-from hydra.core.global_hydra import GlobalHydra
-from hydra.core.hydra_config import HydraConfig
 
-from posture import cli, run_dir
-from posture.config import EvalConfig, TrainConfig
-from posture.eval import evaluate_all
-from posture.train import train
-
-TINY = [
-    "env.num_envs=8",
-    "processes=1",
-    "max_iterations=2",
-    "agent.num_steps_per_env=4",
-    "agent.algorithm.num_mini_batches=2",
-    "agent.algorithm.num_learning_epochs=1",
-    "agent.save_interval=1",
-    "evaluation.duration=1.0",
-    "evaluation.transient=0.1",
-    "evaluation.freq=[0.5,1.5]",
-]
-ENTRIES = {"train": (TrainConfig, train), "eval": (EvalConfig, evaluate_all)}
+from posture import run_dir
+from tests.commands import TINY, call, refused, runs, table
 
 
 @pytest.fixture(autouse=True)
 def _elsewhere(tmp_path, monkeypatch):
     """Runs go to runs/ of the current directory: an empty one of the test's own."""
     monkeypatch.chdir(tmp_path)
-
-
-def call(monkeypatch, entry, *arguments):
-    """`python -m posture.<entry> arguments` in this process."""
-    GlobalHydra.instance().clear()
-    HydraConfig.instance().cfg = None
-    monkeypatch.setattr(sys, "argv", [f"posture.{entry}", *arguments])
-    kind, task = ENTRIES[entry]
-    cli.run(entry, kind, task)
-
-
-def refused(monkeypatch, capsys, entry, *arguments):
-    """The one line that bad input is answered with."""
-    with pytest.raises(SystemExit) as stop:
-        call(monkeypatch, entry, *arguments)
-    told = capsys.readouterr()
-    assert stop.value.code == 2, told.err
-    lines = told.err.strip().splitlines()
-    assert len(lines) == 1 and lines[0].startswith("error: "), told.err
-    assert "Traceback" not in told.err + told.out
-    return lines[0]
-
-
-def table(path):
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
-
-
-def runs():
-    return sorted(path for path in Path("runs").glob("*") if path.is_dir())
 
 
 # -- bad input -------------------------------------------------------------------------------------------------------
