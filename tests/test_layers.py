@@ -12,7 +12,21 @@ MAX_LINES = 400
 ENVS_MAY_NOT = ("posture", "hydra", "omegaconf", "rsl_rl.runners", "rsl_rl.algorithms")
 
 # The analyst works on arrays: results can be read and drawn where no simulator is installed.
-ANALYSTS = ("confidence", "coordination", "figures", "page", "ramp", "silhouette", "table", "trajectory")
+ANALYSTS = (
+    "confidence",
+    "coordination",
+    "figures",
+    "page",
+    "ramp",
+    "report_curves",
+    "report_figures",
+    "report_map",
+    "report_traces",
+    "seed_curves",
+    "silhouette",
+    "table",
+    "trajectory",
+)
 ANALYSTS_MAY_NOT = ("torch", "warp", "newton")
 
 
