@@ -7,7 +7,9 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help setup train eval theory benchmark test test-slow lint types check clean
+ARGUMENTS = $(if $(seeds),seeds=$(seeds)) $(ARGS)
+
+.PHONY: help setup train eval theory reproduce benchmark test test-slow lint types check clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -31,6 +33,9 @@ eval: setup ## evaluate a trained policy; Hydra overrides in ARGS
 
 theory: setup ## the torque-optimal stander, without learning; Hydra overrides in ARGS
 	$(BIN)/python -m posture.theory $(ARGS)
+
+reproduce: setup ## every experiment of the paper, and the report; seeds=1 for a policy of each condition; Hydra overrides in ARGS
+	$(BIN)/python -m posture.reproduce $(ARGUMENTS)
 
 benchmark: setup ## measure engines and learners (long); installs gymnasium and stable-baselines3
 	$(BIN)/python -m pip install --quiet -c constraints.txt gymnasium stable-baselines3

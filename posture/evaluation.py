@@ -13,7 +13,7 @@ from envs.head_tracking import HeadTrackingEnv
 from posture import run_dir
 from posture.atomic import replacing
 from posture.code_version import envs_version
-from posture.config import ConfigError, EnvChanges, EvaluationConfig, LqrConfig, TrainConfig, check_trial
+from posture.config import ConfigError, EnvChanges, EvaluationConfig, LqrConfig, TrainConfig, check_engine, check_trial
 from posture.coordination import Row, indices, read_csv, write_csv
 from posture.figures import draw_all
 from posture.lqr import LqrController, plan
@@ -51,7 +51,7 @@ def evaluate(
     """
     content = run_dir.load(model, device)
     run_dir.writable(out)
-    trial = trial_config(run.env, evaluation, changes)
+    trial = trial_config(run.env, evaluation, changes, device)
     about = {
         "policy": str(model),
         "policy_sha256": hashlib.sha256(model.read_bytes()).hexdigest(),
@@ -74,7 +74,7 @@ def evaluate_lqr(
     config: LqrConfig, evaluation: EvaluationConfig, changes: EnvChanges, paper: dict[str, Any], device: str, out: Path
 ) -> list[Row]:
     """Evaluate the model-based controller; see `analyse`. Raises ConfigError where its motion cannot be planned."""
-    trial = trial_config(config.env, evaluation, changes)
+    trial = trial_config(config.env, evaluation, changes, device)
     stander = linearise(segments(trial), trial)
     try:
         motions = [plan(stander, freq, trial.amplitude, evaluation.tolerance, config) for freq in evaluation.freq]
@@ -175,13 +175,14 @@ def published(paper: dict[str, Any], env: EnvConfig) -> dict[str, Any]:
     }
 
 
-def trial_config(env: EnvConfig, evaluation: EvaluationConfig, changes: EnvChanges) -> EnvConfig:
+def trial_config(env: EnvConfig, evaluation: EvaluationConfig, changes: EnvChanges, device: str) -> EnvConfig:
     """The run's environment for a trial: a world a frequency, and nothing but a fall or its duration ends it.
 
-    Raises ConfigError where the trial is too short for its transient.
+    Raises ConfigError where the trial is too short for its transient, or its engine cannot compute on `device`.
     """
     try:
         check_trial(evaluation, env)
+        check_engine(changes.physics or env.physics, device)
     except ValueError as error:
         raise ConfigError(str(error)) from None
     values = env.model_dump()

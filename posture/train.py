@@ -10,7 +10,7 @@ from pathlib import Path
 import torch
 
 from posture import cli, parallel, run_dir
-from posture.config import ConfigError, TrainConfig, check_device
+from posture.config import ConfigError, TrainConfig, check_device, check_engine
 from posture.progress import preparing
 
 RESUME_KEYS = {"resume", "max_iterations", "device", "threads", "evaluate"}
@@ -75,6 +75,10 @@ def _resumed(config: TrainConfig, folder: Path) -> TrainConfig:
     news = {key: getattr(config, key) for key in changed}
     merged = own.model_copy(update=news)
     check_device(merged.device)
+    try:
+        check_engine(merged.env.physics, merged.device)
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
     done = run_dir.iterations_done(folder)
     if merged.max_iterations <= done:
         raise ConfigError(

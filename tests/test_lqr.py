@@ -126,7 +126,7 @@ def test_within_the_tolerance_and_on_flat_feet_nothing_costs_less_than_the_bound
 
 
 def test_a_motion_for_every_world(stander):
-    env = HeadTrackingEnv(trial_config(LQR.env, EVAL.evaluation, AS_TRAINED), 0, "cpu")
+    env = HeadTrackingEnv(trial_config(LQR.env, EVAL.evaluation, AS_TRAINED, "cpu"), 0, "cpu")
     with pytest.raises(ValueError, match="1 motions for 2 worlds"):
         LqrController(env, [plan(stander, 0.5, 0.1, 0.025, LQR)], LQR, 1.0)
 

@@ -15,7 +15,7 @@ EVALUATION = RUN.evaluation.model_copy(update={"freq": (0.2, 1.0, 1.5), "duratio
 
 @pytest.fixture(scope="module")
 def env():
-    return HeadTrackingEnv(trial_config(RUN.env, EVALUATION, AS_TRAINED), 0, "cpu")
+    return HeadTrackingEnv(trial_config(RUN.env, EVALUATION, AS_TRAINED, "cpu"), 0, "cpu")
 
 
 def record(env, policy, duration=EVALUATION.duration):
@@ -39,7 +39,7 @@ def balance(env):
 
 
 def test_only_a_fall_ends_a_trial():
-    config = trial_config(RUN.env, EVALUATION, AS_TRAINED)
+    config = trial_config(RUN.env, EVALUATION, AS_TRAINED, "cpu")
     assert config.termination.head_tolerance is None and config.termination.foot_motion is None
     assert config.termination.fall_height == RUN.env.termination.fall_height
     assert config.num_envs == 3 and config.episode_steps * config.control_dt > EVALUATION.duration
