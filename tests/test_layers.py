@@ -13,9 +13,11 @@ ENVS_MAY_NOT = ("posture", "hydra", "omegaconf", "rsl_rl.runners", "rsl_rl.algor
 
 # The analyst works on arrays: results can be read and drawn where no simulator is installed.
 ANALYSTS = (
+    "claims",
     "confidence",
     "coordination",
     "figures",
+    "frequency_claims",
     "page",
     "ramp",
     "report_curves",
@@ -23,9 +25,14 @@ ANALYSTS = (
     "report_map",
     "report_traces",
     "seed_curves",
+    "seed_means",
     "silhouette",
+    "sweep_claims",
     "table",
+    "targets",
     "trajectory",
+    "verdict",
+    "verdict_rules",
 )
 ANALYSTS_MAY_NOT = ("torch", "warp", "newton")
 
