@@ -75,6 +75,7 @@ class MotionIndices:
 
     hip_ankle_r: float  # Pearson; positive in-phase
     phase_mean_deg: float  # hip - ankle at the target's frequency, -180 .. 180
+    target_head_r: float  # Pearson, with the target A (1 - cos 2 pi f t) of paper Eq. 5
     head_amplitude_m: float  # half the peak-to-peak
     head_speed_mps: float  # mean absolute velocity
     energy_j: float  # paper Eq. 9 over a trial of `duration`
@@ -109,6 +110,7 @@ def indices(motion: Motion, duration: float) -> MotionIndices:
     return MotionIndices(
         hip_ankle_r=correlation(hip, ankle),
         phase_mean_deg=math.degrees(np.angle(difference)) if difference else math.nan,
+        target_head_r=correlation(-np.cos(2 * math.pi * motion.freq * time), head),
         head_amplitude_m=float(np.ptp(head)) / 2,
         head_speed_mps=float(np.abs(motion.velocity(time) @ motion.stander.head).mean()),
         energy_j=energy(joint_torque, joint_velocity, duration / len(time)),

@@ -60,7 +60,7 @@ def reproduce(config: ReproduceConfig, _folder: Path) -> None:
         if results is None:
             raise ConfigError("no policy of Exp. 1 is done: run the stage train first")
         if "report" in config.stages:
-            print(write_report(results, config, commands(config)))
+            print(write_report(results, Path(config.out), commands(config), _ramp_start(trials["ramp"])))
         if "ship" in config.stages:
             ship(results.jobs)
     if "train" in config.stages and not sum_up(to_train, standing.before):
@@ -96,6 +96,12 @@ def run(arguments: Sequence[str], entry: str) -> bool:
 def _launcher(config: ReproduceConfig) -> list[str]:
     own = [f"hydra.launcher.n_jobs={config.parallel}"] if config.launcher == "joblib" else []
     return [f"hydra/launcher={config.launcher}", *own]
+
+
+def _ramp_start(trials: Sequence[Job]) -> float:
+    (trial,) = trials
+    assert isinstance(trial.config, EvalConfig) and trial.config.env.ramp is not None
+    return trial.config.env.ramp.start
 
 
 def _seed(job: Job) -> int:

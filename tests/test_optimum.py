@@ -193,8 +193,10 @@ def test_indices_of_a_sinusoid_by_hand(stander):
     )
     assert seen.hip_ankle_r == pytest.approx(0.0, abs=1e-9)
     assert seen.phase_mean_deg == pytest.approx(90.0)
+    w = 2 * math.pi * 0.5
+    head = 0.2 * stander.head[0] * np.cos(w * motion.cycle()) + 0.05 * stander.head[1] * np.sin(w * motion.cycle())
+    assert seen.target_head_r == pytest.approx(np.corrcoef(head, -np.cos(w * motion.cycle()))[0, 1])
     assert seen.head_speed_mps == pytest.approx(4 * seen.head_amplitude_m * 0.5, rel=1e-4)  # twice to and fro in a cycle
-    w = math.pi
     amplitudes = (stander.stiffness - w**2 * stander.mass + 1j * w * stander.damping) @ motion.coefficients[1] / 2
     still = (stander.stiffness @ motion.coefficients[0].real + stander.offset) / 2
     assert seen.cost == pytest.approx(2 * (still @ still + np.vdot(amplitudes, amplitudes).real / 2) / 100**2)

@@ -1,0 +1,154 @@
+"""The report of a reproduction: one page of claims, measurements, figures and verdicts, its tables as CSV, and a summary."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+from posture import page, report_tables, run_dir
+from posture.atomic import replacing
+from posture.claims import verdicts
+from posture.config import TrainConfig
+from posture.coordination import Row, write_csv
+from posture.jobs import Job
+from posture.page import Block, Commands, Figure, Section, Table, Text
+from posture.report_figures import draw_report
+from posture.report_text import FIGURES, HOW_TO_READ, MADE, SUBTITLE, THEORY, TITLE
+from posture.results import Results
+from posture.stander import segments
+from posture.sweep_run import progress, status
+from posture.targets import Target, targets
+from posture.verdict import Verdict
+
+
+def write_report(results: Results, out: Path, commands: Sequence[str], ramp_start: float) -> Path:
+    """Write into `out`: report.html, summary.md, figures/ and tables/ (a tidy CSV for each experiment, one of the verdicts).
+
+    `commands`: those that made the results. `ramp_start`: where the ramp of Exp. 4a began [Hz]. Returns the page's path.
+    """
+    run_dir.writable(out)
+    run, paper = results.first, results.first.paper
+    claims = verdicts(results.rows, paper, results.transitions)
+    aims = targets(results.rows, paper, results.transitions)
+    for name, rows in results.rows.items():
+        write_csv(_even(rows), out / "tables" / f"{name}.csv")
+    write_csv([asdict(claim) for claim in claims], out / "tables" / "verdicts.csv")
+    body = segments(run.env)
+    figures = draw_report(
+        results.rows,
+        results.traces,
+        paper,
+        (body.heel_x, body.toe_x),
+        results.transitions,
+        out / "figures",
+        ramp_start=ramp_start,
+        still_joint_deg=run.evaluation.still_joint_deg,
+    )
+    sections = _sections(results, claims, aims, figures, commands)
+    subtitle = _subtitle(claims)
+    for name, text in (
+        ("report.html", page.html(TITLE, subtitle, sections)),
+        ("summary.md", page.markdown(TITLE, subtitle, sections, "figures")),
+    ):
+        with replacing(out / name) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return out / "report.html"
+
+
+def _subtitle(claims: Sequence[Verdict]) -> str:
+    """What became of the claims, in one sentence."""
+    count = Counter(report_tables.word(claim.verdict) for claim in claims)
+    told = ", ".join(f"{count[word]} {word}" for word in page.Verdict if count[word])
+    return SUBTITLE.format(count=len(claims), told=told).strip()
+
+
+def _sections(
+    results: Results,
+    claims: Sequence[Verdict],
+    aims: Sequence[Target],
+    figures: Mapping[str, Path],
+    commands: Sequence[str],
+) -> list[Section]:
+    """The page, top to bottom. Of what was not measured there is neither table nor figure."""
+    rows, run, paper = results.rows, results.first, results.first.paper
+
+    def shown(*names: str) -> list[Block]:
+        return [Figure(figures[name], *FIGURES[name]) for name in names if name in figures]
+
+    def table(make: Callable[[Sequence[Row], Mapping[str, Any]], Table], name: str) -> list[Block]:
+        return [make(rows[name], paper)] if name in rows else []
+
+    tables = report_tables
+    sections = [
+        Section("Verdicts", "verdicts", [Text(HOW_TO_READ), tables.verdict_table(claims), tables.target_table(aims)]),
+        Section("Theory", "theory", [Text(_theory(results.transitions))]),
+        Section("Body and learning", "body", [tables.body_table(run.env, paper), tables.learning_table(run, paper)]),
+        Section(
+            "Exp. 1: target frequency",
+            "frequency",
+            [*table(tables.frequency_table, "frequency"), *shown(*(f"figure_{n}" for n in range(2, 8)), "tracking")],
+        ),
+        Section("Exp. 2: effort", "energy", [*table(tables.energy_table, "energy"), *shown("figure_8")]),
+        Section("Exp. 3: hip stiffness", "stiffness", [*table(tables.stiffness_table, "hip_stiffness"), *shown("figure_9")]),
+        Section("Exp. 4a: rising frequency", "ramp", [*table(tables.ramp_table, "ramp"), *shown("figure_10")]),
+        Section("Exp. 4b: load", "load", [*table(tables.load_table, "load"), *shown("figure_11", "figure_12")]),
+        Section("Frequency by hip stiffness", "map", shown("figure_13")),
+        Section("Amplitude", "amplitude", shown("amplitude")),
+        Section(
+            "Other physics",
+            "engines",
+            [*([tables.engine_table(rows["engines"])] if "engines" in rows else []), *shown("engines")],
+        ),
+        Section("Rules", "rules", [tables.rule_table(claims)]),
+        Section("How this was made", "made", _made(results.jobs, commands)),
+    ]
+    return [section for section in sections if section.blocks]
+
+
+def _theory(transitions: Mapping[str, float]) -> str:
+    return THEORY.format_map({name: "none" if math.isnan(f) else f"{f:.3f} Hz" for name, f in transitions.items()})
+
+
+def _made(jobs: Sequence[Job], commands: Sequence[str]) -> list[Block]:
+    """Which trainings there are, what they took, by which code and versions; and the commands."""
+    lines, starts = [], []
+    for experiment, group in groupby(jobs, key=lambda job: job.folder.parent.name):
+        own = list(group)
+        done = [job for job in own if progress(job) >= 1]
+        hours = sum(status(job.folder).get("seconds", 0.0) for job in done) / 3600
+        seeds = sorted({job.config.seed for job in done if isinstance(job.config, TrainConfig)})
+        lines.append([experiment, f"{len(done)} of {len(own)}", ", ".join(map(str, seeds)) or "-", f"{hours:.1f}"])
+        starts += [start for job in done for start in run_dir.read_yaml(job.folder / "provenance.yaml") or []]
+    about = {
+        "platforms": {start["platform"] for start in starts},
+        "pythons": {start["python"] for start in starts},
+        "versions": {f"{name} {version}" for start in starts for name, version in start["versions"].items()},
+        "codes": {f"`{start['envs_version']}`" for start in starts},
+        "commits": {f"`{start['git_commit']}`" for start in starts},
+    }
+    if len(about["codes"]) > 1:
+        about["codes"].add("**these are results of different code**")
+    days = sorted(start["started"][:10] for start in starts)
+    told = {name: ", ".join(sorted(found)) for name, found in about.items()}
+    return [
+        Table(
+            ["trainings", "done", "seeds", "hours"],
+            lines,
+            "Trainings; the hours of all jobs together, several of which ran at once and beside other work",
+            "lrrr",
+        ),
+        Text(MADE.format(first=days[0], last=days[-1], **told)),
+        Commands(commands),
+        Text("How to cite this software and the paper: CITATION.cff."),
+    ]
+
+
+def _even(rows: Sequence[Row]) -> list[Row]:
+    """All rows with all columns, nan where a row has none."""
+    columns = dict.fromkeys(name for row in rows for name in row)
+    return [{name: row.get(name, math.nan) for name in columns} for row in rows]
