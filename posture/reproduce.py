@@ -52,8 +52,8 @@ def reproduce(config: ReproduceConfig, _folder: Path) -> None:
             failed |= run(evaluation(name, config), "eval")
     if "report" in config.stages or "ship" in config.stages:
         # Only now, so that bad input is answered before physics takes seconds to import.
-        from posture.report import write_report
-        from posture.results import collect
+        from posture.report.document import write_report
+        from posture.report.results import collect
         from posture.ship import ship
 
         results = collect(all_jobs, trials, config.search)

@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import spearmanr
 
-from posture.claims import Target, Verdict, targets, verdicts
-from posture.frequency_claims import switches
-from posture.seed_means import label, sample, seed_means, span, theory_means, where
-from posture.sweep_claims import map_grid, map_modes
-from posture.verdict_rules import Judgement, combined, part, spearman
+from posture.report.claims import Target, Verdict, targets, verdicts
+from posture.report.frequency_claims import switches
+from posture.report.seed_means import label, sample, seed_means, span, theory_means, where
+from posture.report.sweep_claims import map_grid, map_modes
+from posture.report.verdict_rules import Judgement, combined, part, spearman
 
 Row = dict[str, Any]
 PAPER = yaml.safe_load((Path(__file__).parents[1] / "conf" / "paper.yaml").read_text(encoding="utf-8"))

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from posture.page import Block, Commands, Figure, Section, Table, Text, Verdict, html, markdown
+from posture.report.page import Block, Commands, Figure, Section, Table, Text, Verdict, html, markdown
 
 NASTY = """<b>&amp; "quoted" 'it' | pipe</b>"""
 TABLE = Table(["f [Hz]", "claim", "verdict"], [["0.15", "a|b", Verdict.REPRODUCED], ["0.30", "`c|d`", "-"]], "All", "rlc")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from posture.page import Commands, Figure, Section, Table, Text, Verdict, html
+from posture.report.page import Commands, Figure, Section, Table, Text, Verdict, html
 from tests.test_page import png
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="the Playwright package is not installed")

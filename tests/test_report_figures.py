@@ -15,10 +15,20 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from posture import report_curves, report_map, report_traces
 from posture.coordination import Row
-from posture.report_figures import draw_report
-from posture.seed_curves import BAND_LABEL, SEED_LABEL, by_condition, draw_seeds, mark_falls, report_figure, shade_modes
+from posture.report import curves as report_curves
+from posture.report import stiffness_map as report_map
+from posture.report import traces as report_traces
+from posture.report.figures import draw_report
+from posture.report.seed_curves import (
+    BAND_LABEL,
+    SEED_LABEL,
+    by_condition,
+    draw_seeds,
+    mark_falls,
+    report_figure,
+    shade_modes,
+)
 from posture.trajectory import Trajectory
 
 DT = 1 / 60

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from posture import run_dir
-from posture.page import Verdict
+from posture.report.page import Verdict
 from posture.ship import ship
 from tests.commands import TINY, call, refused, table
 

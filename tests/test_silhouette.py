@@ -15,8 +15,8 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 
-from posture import silhouette
-from posture.silhouette import Disc, draw_body, draw_phases, head_position, joint_positions, solids
+from posture.report import silhouette
+from posture.report.silhouette import Disc, draw_body, draw_phases, head_position, joint_positions, solids
 
 MJCF = Path(__file__).parents[1] / "envs" / "humanoid.xml"
 # Along the segments [m]: ankle joint above ground when the sole is flat, ankle to hip joint, hip joint to head. The head is
@@ -179,6 +179,6 @@ def test_phases_of_a_table_are_refused(figure: Figure) -> None:
 
 def test_drawing_needs_no_simulator() -> None:
     """In a process of its own: finding the MJCF must not import envs, which loads Warp."""
-    check = "import sys; from posture.silhouette import solids; solids(0, 0); print(*{m.split('.')[0] for m in sys.modules})"
+    check = "import sys; from posture.report.silhouette import solids; solids(0, 0); print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", check], cwd=MJCF.parents[1], capture_output=True, text=True, check=True)
-    assert not {"envs", "torch", "warp", "newton"} & set(loaded.stdout.split())
+    assert not {"envs", "torch", "warp", "newton"} & {name.split(".")[0] for name in loaded.stdout.split()}

@@ -13,11 +13,11 @@ import numpy as np
 
 from posture.confidence import bootstrap_mean
 from posture.coordination import Row
-from posture.frequency_claims import switches
-from posture.seed_means import Condition, SeedMean, conditions, label, sample, seed_means, theory_means, where
-from posture.sweep_claims import map_grid, map_modes
-from posture.verdict import NO_RESULTS, THEORY, Paper, Results, Transitions, by_seed
-from posture.verdict_rules import MEASURED_SHARE, Means, shown_mode
+from posture.report.frequency_claims import switches
+from posture.report.seed_means import Condition, SeedMean, conditions, label, sample, seed_means, theory_means, where
+from posture.report.sweep_claims import map_grid, map_modes
+from posture.report.verdict import NO_RESULTS, THEORY, Paper, Results, Transitions, by_seed
+from posture.report.verdict_rules import MEASURED_SHARE, Means, shown_mode
 
 SWITCH_HZ = 0.05
 """How near the switch must come to theory's [Hz]: a third of the step of paper Table 3."""

@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 
-from posture import report_curves as curves
-from posture import report_traces as over_time
 from posture.coordination import Row
-from posture.report_map import stiffness_map
-from posture.seed_curves import report_figure
+from posture.report import curves
+from posture.report import traces as over_time
+from posture.report.seed_curves import report_figure
+from posture.report.stiffness_map import stiffness_map
 from posture.trajectory import Trajectory
 
 SHOWN_FREQ = (0.15, 0.75, 1.5)

@@ -9,10 +9,10 @@ never averaged in. `paper` is the content of conf/paper.yaml, `transitions` the 
 
 from __future__ import annotations
 
-from posture import sweep_claims as sweeps
-from posture.frequency_claims import frequency_claims
-from posture.targets import Target, targets
-from posture.verdict import Paper, Results, Transitions, Verdict
+from posture.report import sweep_claims as sweeps
+from posture.report.frequency_claims import frequency_claims
+from posture.report.targets import Target, targets
+from posture.report.verdict import Paper, Results, Transitions, Verdict
 
 __all__ = ["Target", "Verdict", "targets", "verdicts"]
 

@@ -10,20 +10,22 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from posture import page, report_tables, run_dir
+from posture import run_dir
 from posture.atomic import replacing
-from posture.claims import verdicts
 from posture.config import TrainConfig
 from posture.coordination import Row, write_csv
 from posture.jobs import Job
-from posture.page import Block, Commands, Figure, Section, Table, Text
-from posture.report_figures import draw_report
-from posture.report_text import FIGURES, HOW_TO_READ, MADE, SUBTITLE, THEORY, TITLE
-from posture.results import Results
+from posture.report import page
+from posture.report import tables as report_tables
+from posture.report.claims import verdicts
+from posture.report.figures import draw_report
+from posture.report.page import Block, Commands, Figure, Section, Table, Text
+from posture.report.results import Results
+from posture.report.targets import Target, targets
+from posture.report.text import FIGURES, HOW_TO_READ, MADE, SUBTITLE, THEORY, TITLE
+from posture.report.verdict import Verdict
 from posture.stander import segments
 from posture.sweep_run import progress, status
-from posture.targets import Target, targets
-from posture.verdict import Verdict
 
 
 def write_report(results: Results, out: Path, commands: Sequence[str], ramp_start: float) -> Path:
@@ -91,7 +93,11 @@ def _sections(
         Section(
             "Exp. 1: target frequency",
             "frequency",
-            [*table(tables.frequency_table, "frequency"), *shown(*(f"figure_{n}" for n in range(2, 8)), "tracking")],
+            [
+                *table(tables.tracking_table, "frequency"),
+                *table(tables.mode_table, "frequency"),
+                *shown(*(f"figure_{n}" for n in range(2, 8)), "tracking"),
+            ],
         ),
         Section("Exp. 2: effort", "energy", [*table(tables.energy_table, "energy"), *shown("figure_8")]),
         Section("Exp. 3: hip stiffness", "stiffness", [*table(tables.stiffness_table, "hip_stiffness"), *shown("figure_9")]),
@@ -104,10 +110,27 @@ def _sections(
             "engines",
             [*([tables.engine_table(rows["engines"])] if "engines" in rows else []), *shown("engines")],
         ),
-        Section("Rules", "rules", [tables.rule_table(claims)]),
+        Section("Claim by claim", "rules", [Text(_said(claim)) for claim in claims]),
         Section("How this was made", "made", _made(results.jobs, commands)),
     ]
     return [section for section in sections if section.blocks]
+
+
+def _said(claim: Verdict) -> str:
+    """All that there is to say of a claim, and the rule by which it was judged."""
+    parts = {
+        "Published": claim.published,
+        "Measured": claim.measured,
+        "Theory": claim.theory,
+        "Rule": claim.rule,
+        "Remark": claim.comment,
+    }
+    told = " ".join(f"**{name}:** {_sentence(text)}" for name, text in parts.items() if text)
+    return f"**{claim.experiment}. {claim.claim}** {_sentence(report_tables.word(claim.verdict).capitalize())} {told}"
+
+
+def _sentence(text: str) -> str:
+    return text if text.endswith((".", ")")) else f"{text}."
 
 
 def _theory(transitions: Mapping[str, float]) -> str:

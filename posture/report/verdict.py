@@ -11,8 +11,8 @@ from typing import Any
 
 from posture.confidence import bootstrap_mean
 from posture.coordination import Row
-from posture.seed_means import Condition, SeedMean, label, listing, sample, seed_means, span, theory_means
-from posture.verdict_rules import Judgement, Means, Outcome
+from posture.report.seed_means import Condition, SeedMean, label, listing, sample, seed_means, span, theory_means
+from posture.report.verdict_rules import Judgement, Means, Outcome
 
 Results = Mapping[str, Sequence[Row]]
 """By experiment, a row a seed and condition."""
@@ -38,15 +38,16 @@ PHASE_IN_THEORY = " Theory is judged by its correlation, which goes the other wa
 class Verdict:
     """A claim and what became of it.
 
-    published: the paper's numbers. measured: ours, means over seeds with 95 % bootstrap intervals where there are two seeds
-    or more. theory: what the linear stander says. rule: how it was judged. comment: where it is not reproduced in full, what
-    theory has to say about that.
+    published: the paper's numbers. finding: ours in a few words. measured: that and the numbers, means over seeds with 95 %
+    bootstrap intervals where there are two seeds or more. theory: what the linear stander says. rule: how it was judged.
+    comment: where it is not reproduced in full, what theory has to say about that.
     """
 
     key: str
     experiment: str
     claim: str
     published: str
+    finding: str
     measured: str
     theory: str
     verdict: Outcome
@@ -65,10 +66,11 @@ class Claim:
     rule: str
     note: str = ""
 
-    def verdict(self, outcome: Outcome, measured: str, theory: str, comment: str) -> Verdict:
+    def verdict(self, outcome: Outcome, finding: str, measured: str, theory: str, comment: str) -> Verdict:
         """The verdict; the comment only where there is something to explain."""
         comment = " ".join(filter(None, [comment, self.note])) if outcome in ("partly", "not") else ""
-        return Verdict(self.key, self.experiment, self.claim, self.published, measured, theory, outcome, self.rule, comment)
+        said = (self.published, finding, measured, theory)
+        return Verdict(self.key, self.experiment, self.claim, *said, outcome, self.rule, comment)
 
 
 def judged(
@@ -87,7 +89,7 @@ def judged(
     asked, by `in_theory` where the question must be put differently to them.
     """
     if not rows:
-        return claim.verdict("not measured", NO_RESULTS, "", "")
+        return claim.verdict("not measured", NO_RESULTS, NO_RESULTS, "", "")
     read = _reader(seed_means, rows, by, "")
     ours = judge(read)
     numbers = [_numbers(read(column), by, spec, name, whole) for column, spec, name in shown]
@@ -101,7 +103,7 @@ def judged(
             said.append(f"{THEORY[source]}: {'; '.join([found.finding, *values])}")
     measured = "; ".join([ours.finding, *numbers, sample(rows, by)])
     comment = _comment(outcomes) or ("" if claim.note else "The linear stander has no value to compare with.")
-    return claim.verdict(ours.outcome, measured, ". ".join(said), comment)
+    return claim.verdict(ours.outcome, ours.finding, measured, ". ".join(said), comment)
 
 
 def _reader(means: Callable[..., Means], rows: Sequence[Row], by: Sequence[str], prefix: str) -> Read:

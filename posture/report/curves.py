@@ -1,8 +1,8 @@
 """The paper's figures against a condition, redrawn from several seeds: a function a figure, which fills the one it is given.
 
-`rows` are those of one experiment (see posture/seed_curves.py), `paper` the content of conf/paper.yaml. Columns `least_*`
-are those of the torque-optimal stander, `reward_*` those of the optimum of the reward trained; where the rows have none,
-nothing of it is drawn.
+`rows` are those of one experiment (see seed_curves.py), `paper` the content of conf/paper.yaml. Columns `least_*` are those
+of the torque-optimal stander, `reward_*` those of the optimum of the reward trained; where the rows have none, nothing of
+it is drawn.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from posture.coordination import Row
 from posture.figures import ANKLE_COLOUR, BLUE, GREEN, GREY, HIP_COLOUR, MODE_COLOUR, ORANGE, PURPLE, RED
-from posture.seed_curves import (
+from posture.report.seed_curves import (
     LEAST,
     REWARD,
     REWARD_LABEL,

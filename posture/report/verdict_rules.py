@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import rankdata
 
 from posture.coordination import correlation, mode
-from posture.seed_means import Condition, SeedMean, label
+from posture.report.seed_means import Condition, SeedMean, label
 
 Outcome = Literal["reproduced", "partly", "not", "not measured"]
 Means = Mapping[Condition, SeedMean]

@@ -18,10 +18,10 @@ from envs.mujoco_c import build
 from posture.confidence import bootstrap_mean
 from posture.config import TrainConfig
 from posture.coordination import Row, mode, transition_frequency
-from posture.page import Table
-from posture.page import Verdict as Word
-from posture.targets import Target
-from posture.verdict import Verdict
+from posture.report.page import Table
+from posture.report.page import Verdict as Word
+from posture.report.targets import Target
+from posture.report.verdict import Verdict
 
 ENGINES = {"sagittal": "planar", "mujoco": "SolverMuJoCo", "mujoco_c": "MuJoCo C"}
 """Engines by what the report calls them: the first is that in which policies learned."""
@@ -29,16 +29,11 @@ FREQ_DIGITS = 6
 
 
 def verdict_table(found: Sequence[Verdict]) -> Table:
-    """Each claim of the paper with its verdict, the published and the measured numbers, and theory's."""
-    rows = [[f"{v.experiment}: {v.claim}", Word(word(v.verdict)), v.published, v.measured, v.theory or "-"] for v in found]
-    headings = ["the paper's claim", "verdict", "published", "measured", "theory"]
-    return Table(headings, rows, "Claims of the paper, and what became of them")
-
-
-def rule_table(found: Sequence[Verdict]) -> Table:
-    """By which rule each claim was judged, and of those that were not reproduced what theory says."""
-    rows = [[f"{v.experiment}: {v.claim}", v.rule, v.comment or "-"] for v in found]
-    return Table(["claim", "rule", "where it was not, or not wholly, reproduced"], rows, "How each claim was judged")
+    """Each claim of the paper with its verdict, what is published and what was found."""
+    rows = [[f"{v.experiment}: {v.claim}", Word(word(v.verdict)), v.published, v.finding] for v in found]
+    return Table(
+        ["the paper's claim", "verdict", "published", "found"], rows, "Claims of the paper, and what became of them"
+    )
 
 
 def target_table(found: Sequence[Target]) -> Table:
@@ -85,20 +80,27 @@ def learning_table(run: TrainConfig, paper: Mapping[str, Any]) -> Table:
     return Table(["", "ours", "paper"], rows, "Table 2: PPO", "lrr")
 
 
-def frequency_table(rows: Sequence[Row], paper: Mapping[str, Any]) -> Table:
+def tracking_table(rows: Sequence[Row], paper: Mapping[str, Any]) -> Table:
     """Table 3: Exp. 1 at the paper's ten frequencies."""
     published = paper["table_3"]
+    columns = (("target_head_r", 4), ("head_amplitude_m", 4), ("head_speed_mps", 3))
     lines = []
     for i, freq in enumerate(published["freq_hz"]):
         own = _at(rows, freq_hz=freq)
-        line = [f"{freq:.2f}"]
-        for column, digits in (("target_head_r", 4), ("head_amplitude_m", 4), ("head_speed_mps", 3)):
-            line += [_mean(own, column, digits), f"{published[column][i]:.{digits}f}"]
-        line += [_mean(own, "hip_ankle_r", 2), _modes(own), f"{published['mode'][i]}-phase", _mean(own, "cost_ratio", 2)]
-        lines.append(line)
+        cells = ((_mean(own, column, digits), f"{published[column][i]:.{digits}f}") for column, digits in columns)
+        lines.append([f"{freq:.2f}", *(cell for pair in cells for cell in pair)])
     headings = ["f [Hz]", "target-head r", "paper", "amplitude [m]", "paper", "speed [m/s]", "paper"]
-    headings += ["hip-ankle r", "mode", "paper", "cost / least"]
     return Table(headings, lines, f"Table 3: Exp. 1, {_seeds(rows)}", "r" * len(headings))
+
+
+def mode_table(rows: Sequence[Row], paper: Mapping[str, Any]) -> Table:
+    """The modes of Table 3, and coordination at every frequency that was evaluated."""
+    published = paper["table_3"]
+    theirs = dict(zip(published["freq_hz"], published["mode"], strict=True))
+    freqs = sorted({row["freq_hz"] for row in rows})
+    lines = [[f"{f:g}", *_coordination(_at(rows, freq_hz=f)), f"{theirs[f]}-phase" if f in theirs else "-"] for f in freqs]
+    headings = ["f [Hz]", *_COORDINATION, "paper"]
+    return Table(headings, lines, f"Coordination in Exp. 1, {_seeds(rows)}", "r" * len(headings))
 
 
 def energy_table(rows: Sequence[Row], paper: Mapping[str, Any]) -> Table:

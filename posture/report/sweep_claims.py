@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from posture.coordination import Row
-from posture.seed_means import Condition, conditions, label, sample, where
-from posture.verdict import (
+from posture.report.seed_means import Condition, conditions, label, sample, where
+from posture.report.verdict import (
     IN_FIGURE,
     NO_RESULTS,
     PARTS_RULE,
@@ -26,7 +26,7 @@ from posture.verdict import (
     predicted,
     values_said,
 )
-from posture.verdict_rules import (
+from posture.report.verdict_rules import (
     JUDGED_WHERE,
     PATTERN_RULE,
     RHO_REPRODUCED,
@@ -193,19 +193,20 @@ def ramp_claim(rows: Sequence[Row], published: Mapping[str, Any], transitions: T
     )
     theory = predicted(transitions)
     if not rows:
-        return claim.verdict("not measured", NO_RESULTS, theory, "")
-    texts, held = [], []
+        return claim.verdict("not measured", NO_RESULTS, NO_RESULTS, theory, "")
+    texts, held, means = [], [], []
     for window in ("centred", "trailing"):
         value = {row["seed"]: row.get(f"transition_{window}_hz", math.nan) if row["valid"] else math.nan for row in rows}
         texts.append(f"{window} window: {by_seed(value)}")
         seeds = [v for v in value.values() if math.isfinite(v)]
+        means.append(f"{f'{np.mean(seeds):.2f} Hz' if seeds else 'none'} by {window} windows")
         away, share = abs(float(np.mean(seeds)) - hz) if seeds else math.inf, len(seeds) / len(value)
         good = away <= RAMP_HZ and share == 1, away <= 2 * RAMP_HZ and share >= SEED_SHARE
         held.append(good)
     full, half = max(held)
     outcome: Outcome = "reproduced" if full else "partly" if half else "not"
     measured = f"{'; '.join(texts)}; {sample(rows, ())}"
-    return claim.verdict(outcome, measured, theory, f"By theory steady motion switches at {theory}.")
+    return claim.verdict(outcome, ", ".join(means), measured, theory, f"By theory steady motion switches at {theory}.")
 
 
 def load_claim(rows: Sequence[Row], published: Mapping[str, Any]) -> Verdict:

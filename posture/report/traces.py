@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from posture.coordination import Row, correlation
 from posture.figures import ANKLE_COLOUR, BLUE, FALL_COLOUR, GREY, HEAD_COLOUR, HIP_COLOUR, ORANGE, RED, SHOWN_CYCLES
 from posture.ramp import ramp_frequency, window_correlation
-from posture.seed_curves import correlation_axis, legend, published
-from posture.silhouette import draw_phases
+from posture.report.seed_curves import correlation_axis, legend, published
+from posture.report.silhouette import draw_phases
 from posture.trajectory import Trajectory
 
 MODE_TEXT = "hip-ankle correlation {:.2f}"

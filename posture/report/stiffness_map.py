@@ -17,7 +17,7 @@ from matplotlib.patches import Patch, Rectangle
 from posture.confidence import bootstrap_mean
 from posture.coordination import Row
 from posture.figures import FALL_COLOUR, MODE_COLOUR
-from posture.seed_curves import published
+from posture.report.seed_curves import published
 from posture.trajectory import Array
 
 MODES = LinearSegmentedColormap.from_list("modes", [MODE_COLOUR["anti-phase"], "white", MODE_COLOUR["in-phase"]])

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from posture.coordination import Row, transition_frequency
-from posture.seed_means import Condition, conditions, sample, where
-from posture.verdict import (
+from posture.report.seed_means import Condition, conditions, sample, where
+from posture.report.verdict import (
     IN_FIGURE,
     NO_RESULTS,
     PARTS_RULE,
@@ -25,7 +25,7 @@ from posture.verdict import (
     predicted,
     values_said,
 )
-from posture.verdict_rules import (
+from posture.report.verdict_rules import (
     JUDGED_WHERE,
     PATTERN_RULE,
     SEED_SHARE,
@@ -165,13 +165,14 @@ def _switch(rows: Sequence[Row], modes: Mapping[Condition, str], transitions: Tr
     )
     theory = predicted(transitions)
     if not rows:
-        return claim.verdict("not measured", NO_RESULTS, theory, "")
+        return claim.verdict("not measured", NO_RESULTS, NO_RESULTS, theory, "")
     found = switches(rows)
     inside = [low <= hz <= high for hz in found.values()]
     outcome: Outcome = "reproduced" if all(inside) else "partly" if np.mean(inside) >= SEED_SHARE else "not"
-    measured = f"{sum(inside)} of {len(inside)} seeds within {where}: {by_seed(found)}; {sample(rows, ('freq_hz',))}"
+    finding = f"{sum(inside)} of {len(inside)} seeds within {where}"
+    measured = f"{finding}: {by_seed(found)}; {sample(rows, ('freq_hz',))}"
     comment = f"By theory the switch lies at {theory}; the paper's bracket is {where}."
-    return claim.verdict(outcome, measured, theory, comment)
+    return claim.verdict(outcome, finding, measured, theory, comment)
 
 
 def switches(rows: Sequence[Row]) -> dict[float, float]:
