@@ -131,6 +131,11 @@ def iterations_done(run: Path) -> int:
     return int(load(state, "cpu").get("iteration", 0)) if state.exists() or newest_model(run) else 0
 
 
+def training_seconds(run: Path) -> float:
+    """What the iterations of `run` took [s], over all its starts. Raises ConfigError where its resume.pt is damaged."""
+    return float(load(run / "resume.pt", "cpu")["processes"][0]["logger"]["tot_time"])
+
+
 def read_config(run: Path) -> TrainConfig:
     """The run's own configuration, checked anew. Raises ConfigError."""
     path = run / "config.yaml"

@@ -25,7 +25,7 @@ from posture.report.targets import Target, targets
 from posture.report.text import FIGURES, HOW_TO_READ, MADE, SUBTITLE, THEORY, TITLE
 from posture.report.verdict import Verdict
 from posture.stander import segments
-from posture.sweep_run import progress, status
+from posture.sweep_run import progress
 
 
 def write_report(results: Results, out: Path, commands: Sequence[str], ramp_start: float) -> Path:
@@ -143,7 +143,7 @@ def _made(jobs: Sequence[Job], commands: Sequence[str]) -> list[Block]:
     for experiment, group in groupby(jobs, key=lambda job: job.folder.parent.name):
         own = list(group)
         done = [job for job in own if progress(job) >= 1]
-        hours = sum(status(job.folder).get("seconds", 0.0) for job in done) / 3600
+        hours = sum(run_dir.training_seconds(job.folder) for job in done) / 3600
         seeds = sorted({job.config.seed for job in done if isinstance(job.config, TrainConfig)})
         lines.append([experiment, f"{len(done)} of {len(own)}", ", ".join(map(str, seeds)) or "-", f"{hours:.1f}"])
         starts += [start for job in done for start in run_dir.read_yaml(job.folder / "provenance.yaml") or []]
