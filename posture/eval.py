@@ -34,8 +34,11 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
 
     in_experiment = cli.in_sweep() and cli.experiment() is not None
     everything: list[Row] = []
+    home = None
     for model, run in zip(models, runs, strict=True):
-        folder = model.parent / folder_name(model, config.env) if out is None else out
+        if run_dir.is_shipped(model):
+            home = home or Path(run_dir.folder_for(str(run_dir.RUNS), None))  # nothing is written into the package
+        folder = (home or model.parent) / folder_name(model, config.env) if out is None else out
         if len(models) > 1:
             print(f"== {model.parent.name}")
             folder = folder if out is None else out / model.parent.name

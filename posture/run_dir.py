@@ -114,6 +114,11 @@ def _pretrained(name: str) -> Path:
     return model
 
 
+def is_shipped(model: Path) -> bool:
+    """Whether a checkpoint is one of those that come with the package."""
+    return PRETRAINED in model.parents
+
+
 def newest_model(run: Path) -> Path | None:
     """The checkpoint of `run` with the most iterations, or None."""
     models = [path for path in run.glob("model_*.pt") if re.fullmatch(r"model_\d+\.pt", path.name)]
