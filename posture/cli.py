@@ -43,7 +43,7 @@ def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> 
             return
         quiet = command.launcher != "basic"
         standing = sweep_run.Standing(command.jobs)
-        announced = {} if quiet else {str(job.folder.resolve()): i for i, job in enumerate(command.jobs, 1)}
+        announced = {} if quiet else {os.path.abspath(job.folder): i for i, job in enumerate(command.jobs, 1)}
 
         def job(composed: DictConfig) -> None:
             folder = Path(HydraConfig.get().runtime.output_dir)
@@ -54,7 +54,7 @@ def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> 
                 print(f"sweep: {standing.line()}", flush=True)
 
         with sweep_run.told(standing, "sweep") if quiet else contextlib.nullcontext():
-            start(job)()
+            _sweep(start(job))
     except (ConfigError, HydraException, OmegaConfBaseException) as error:
         _refuse(error)
     if not sweep_run.sum_up(command.jobs, standing.before):
@@ -87,6 +87,17 @@ def one_line(error: Exception) -> str:
         r"\n\s*(full_key|object_type|Config search path|To append to your config|See https).*", "", str(error), flags=re.S
     )
     return re.sub(r"\s*\n\s*", " ", text).strip()
+
+
+def _sweep(start: Callable[[], None]) -> None:
+    """Run a sweep. Where its launcher breaks (a process was killed, a cluster's job ran out of time), say so: the jobs' folders
+    tell what is done."""
+    try:
+        start()
+    except (ConfigError, HydraException, OmegaConfBaseException):
+        raise
+    except Exception as error:
+        print(f"error: the launcher stopped: {type(error).__name__}: {one_line(error)}", file=sys.stderr)
 
 
 def _alone(kind: type[Config], task: Callable[[Config, Path], None], composed: DictConfig) -> None:

@@ -1,29 +1,50 @@
-"""Which code a run was trained with: a digest of the physics and the task."""
+"""Which code a run was trained with, and which code measured it: digests of source files.
+
+Comments, docstrings and layout do not count: what does not change the code does not make a trained policy old. The digits
+belong to one minor version of Python, whose syntax tree they are computed from.
+"""
 
 import ast
 import hashlib
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
 ENVS = Path(__file__).resolve().parent.parent / "envs"
+ANALYSIS = (
+    "coordination",
+    "evaluation",
+    "motion",
+    "optimum",
+    "prediction",
+    "program",
+    "ramp",
+    "rollout",
+    "stander",
+    "trajectory",
+)
+"""Modules of `posture` that take part in what an evaluation measures and what theory puts beside it."""
 
 
 @cache
 def envs_version() -> str:
-    """Twelve hexadecimal digits of a digest of the package `envs`, its body file included.
+    """Twelve hexadecimal digits for the package `envs`, the physics and the task, its body file included."""
+    return _digest(path for path in sorted(ENVS.rglob("*")) if path.suffix in (".py", ".xml"))
 
-    Comments, docstrings and layout do not count: what does not change the code does not make a trained policy old. The
-    digits belong to one minor version of Python, whose syntax tree they are computed from.
-    """
+
+@cache
+def analysis_version() -> str:
+    """Twelve hexadecimal digits for the modules that measure."""
+    return _digest(Path(__file__).with_name(f"{name}.py") for name in ANALYSIS)
+
+
+def _digest(paths: Iterable[Path]) -> str:
     digest = hashlib.sha256()
-    for path in sorted(ENVS.rglob("*")):
+    for path in paths:
+        content = path.read_bytes()
         if path.suffix == ".py":
-            content = ast.dump(_bare(ast.parse(path.read_bytes()))).encode()
-        elif path.suffix == ".xml":
-            content = path.read_bytes()
-        else:
-            continue
-        digest.update(path.relative_to(ENVS).as_posix().encode() + b"\0" + content + b"\0")
+            content = ast.dump(_bare(ast.parse(content))).encode()
+        digest.update(path.name.encode() + b"\0" + content + b"\0")
     return digest.hexdigest()[:12]
 
 

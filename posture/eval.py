@@ -10,9 +10,11 @@ python -m posture.eval policy=lqr                        # the model-based contr
 from pathlib import Path
 
 from posture import cli, run_dir
-from posture.config import EnvChanges, EvalConfig
+from posture.config import ConfigError, EnvChanges, EvalConfig
 from posture.coordination import Row, write_csv
+from posture.jobs import identity
 from posture.sweep import override_slug
+from posture.sweep_run import status
 
 
 def evaluate_all(config: EvalConfig, job: Path) -> None:
@@ -28,11 +30,11 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
         folder = out or Path(run_dir.folder_for(str(run_dir.RUNS), None)) / "evaluation"
         evaluate_lqr(config.lqr, config.evaluation, config.env, config.paper, config.device, folder)
         return
-    models = run_dir.find_checkpoints(config.ckpt)
+    in_experiment = cli.in_sweep() and cli.experiment() is not None
+    models = run_dir.find_checkpoints(config.ckpt, only_current if in_experiment else None)
     runs = [run_dir.read_config(model.parent) for model in models]
     from posture.evaluation import condition, evaluate
 
-    in_experiment = cli.in_sweep() and cli.experiment() is not None
     everything: list[Row] = []
     home = None
     for model, run in zip(models, runs, strict=True):
@@ -50,6 +52,17 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
         table = (out or (job if cli.in_sweep() else Path(config.ckpt))) / "metrics.csv"
         write_csv(everything, table)
         print(f"all runs: {table}")
+
+
+def only_current(run: Path) -> bool:
+    """Of an experiment's sweep folder, whether `run` is finished and of the present code; any other run counts."""
+    state = status(run).get("state")
+    if state is None:
+        return True  # no job of a sweep
+    try:
+        return state == "done" and run.name.endswith(identity(run_dir.read_config(run)))
+    except ConfigError:
+        return False
 
 
 def folder_name(model: Path, changes: EnvChanges) -> str:

@@ -12,7 +12,7 @@ from envs.config import EnvConfig, Schedule, as_plain
 from envs.head_tracking import HeadTrackingEnv
 from posture import run_dir
 from posture.atomic import replacing
-from posture.code_version import envs_version
+from posture.code_version import analysis_version, envs_version
 from posture.config import ConfigError, EnvChanges, EvaluationConfig, LqrConfig, TrainConfig, check_engine, check_trial
 from posture.coordination import Row, indices, read_csv, write_csv
 from posture.figures import draw_all
@@ -52,13 +52,7 @@ def evaluate(
     content = run_dir.load(model, device)
     run_dir.writable(out)
     trial = trial_config(run.env, evaluation, changes, device)
-    about = {
-        "policy": str(model),
-        "policy_sha256": hashlib.sha256(model.read_bytes()).hexdigest(),
-        "seed": run.seed,
-        "envs_version": envs_version(),
-    }
-    if not again and run_dir.read_yaml(out / "trial.yaml") == about | _conditions(evaluation, trial):
+    if not again and is_current(out, model, run, evaluation, changes, device):
         rows = read_csv(out / "metrics.csv")
         print(evaluation_table(rows, published(run.paper, trial)))
         print(f"evaluated before: {out}")
@@ -67,7 +61,28 @@ def evaluate(
         env = HeadTrackingEnv(trial, run.seed, device)
         policy = load_policy(content, env, run, model)
         env.warm_up()
-    return analyse(env, policy, evaluation, run.paper, out, about)
+    return analyse(env, policy, evaluation, run.paper, out, _about(model, run))
+
+
+def is_current(
+    out: Path, model: Path, run: TrainConfig, evaluation: EvaluationConfig, changes: EnvChanges, device: str
+) -> bool:
+    """Whether `out` holds what the policy of checkpoint `model` gives under these conditions, by the present code."""
+    kept = run_dir.read_yaml(out / "trial.yaml")
+    expected = _about(model, run) | _conditions(evaluation, trial_config(run.env, evaluation, changes, device))
+    return isinstance(kept, dict) and kept | {"policy": str(model)} == expected  # wherever it was evaluated from
+
+
+def _about(model: Path, run: TrainConfig) -> dict[str, Any]:
+    """What was evaluated, and by which code."""
+    return {
+        "policy": str(model),
+        "policy_sha256": hashlib.sha256(model.read_bytes()).hexdigest(),
+        "seed": run.seed,
+        "envs_version": envs_version(),
+        "analysis_version": analysis_version(),
+        "window_steps": run.paper["experiment_4a"]["window_steps"],
+    }
 
 
 def evaluate_lqr(
@@ -118,6 +133,7 @@ def analyse(
         rows = [row | more for row, more in zip(rows, found, strict=True)]
     rows = beside_theory(rows, env.config, evaluation)
     shape = env.sim.geometry
+    (out / "trial.yaml").unlink(missing_ok=True)  # what it says is about to be untrue
     trajectory.save(out / "trajectories.npz")
     write_csv(rows, out / "metrics.csv")
     comparable = published(paper, env.config)

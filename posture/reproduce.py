@@ -36,7 +36,9 @@ def reproduce(config: ReproduceConfig, _folder: Path) -> None:
     """Run the stages that `config` names. Exits with 1 where a job failed; the report is of what was reached."""
     run_dir.writable(Path(config.out))
     with _composing():
-        all_jobs = {name: jobs.check("train", TrainConfig, training(name, config)).jobs for name in TRAININGS}
+        all_jobs = {
+            name: jobs.check("train", TrainConfig, [*training(name, config), *_launcher(config)]).jobs for name in TRAININGS
+        }
         wanted = {name: [job for job in found if _seed(job) <= config.seeds] for name, found in all_jobs.items()}
         trials = {name: jobs.check("eval", EvalConfig, evaluation(name, config)).jobs for name in EVALUATIONS}
     to_train = [job for found in wanted.values() for job in found]

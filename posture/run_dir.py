@@ -18,6 +18,7 @@ import re
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -77,9 +78,9 @@ def find_run(name: str) -> Path:
     return folder
 
 
-def find_checkpoints(name: str) -> list[Path]:
+def find_checkpoints(name: str, wanted: Callable[[Path], bool] | None = None) -> list[Path]:
     """Checkpoint files that `ckpt=name` means: a file, the newest of a run folder, of each run of a sweep, of the latest
-    run, or one that comes with the package. Raises ConfigError."""
+    run, or one that comes with the package. Of a sweep those alone that are `wanted`. Raises ConfigError."""
     path = Path(name)
     if name == "latest":
         runs = [find_run(name)]
@@ -90,7 +91,7 @@ def find_checkpoints(name: str) -> list[Path]:
             raise ConfigError(f"{name}: there is no config.yaml beside it, so its environment is not known")
         return [path]
     elif path.is_dir():
-        runs = runs_in(path)
+        runs = [run for run in runs_in(path) if wanted is None or wanted(run)]
         if not runs:
             raise ConfigError(f"{name}: neither a run folder (with config.yaml) nor a sweep of such folders")
     else:
@@ -131,9 +132,8 @@ def iteration_of(model: Path) -> int:
 
 
 def iterations_done(run: Path) -> int:
-    """Number of iterations after which `run` can go on. Raises ConfigError where its resume.pt is damaged."""
-    state = run / "resume.pt"
-    return int(load(state, "cpu").get("iteration", 0)) if state.exists() or newest_model(run) else 0
+    """Number of iterations after which `run` can go on. Raises ConfigError where its resume.pt is missing or damaged."""
+    return int(load(run / "resume.pt", "cpu").get("iteration", 0))
 
 
 def training_seconds(run: Path) -> float:

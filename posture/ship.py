@@ -27,10 +27,10 @@ def ship(jobs: Iterable[Job], into: Path = PRETRAINED) -> list[Path]:
         model = run_dir.newest_model(job.folder)
         if job.config.seed != SHIPPED_SEED or progress(job) < 1 or model is None:
             continue
+        content = run_dir.load(model, "cpu")
         folder = into / name(job)
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
-        content = run_dir.load(model, "cpu")
         run_dir.save({"actor_state_dict": content["actor_state_dict"], "iter": content["iter"]}, folder / model.name)
         for file in ("config.yaml", "provenance.yaml"):
             shutil.copyfile(job.folder / file, folder / file)

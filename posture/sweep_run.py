@@ -1,8 +1,7 @@
 """A sweep while it runs and when it has ended: what each job's folder says of it, how far all are, and which failed.
 
-A job leaves status.yaml in its folder: its state (running, done or failed), when it began, how long it took over all starts,
-and of a failed one the error, whose traceback is in error.txt. Under a launcher of several processes what a job prints is in
-log.txt.
+A job leaves status.yaml in its folder: its state (running, done or failed), when it began, and of a failed one the error, whose
+traceback is in error.txt. Under a launcher of several processes what a job prints is in log.txt.
 """
 
 import contextlib
@@ -30,9 +29,9 @@ def guarded(task: Callable[[], None], folder: Path, quiet: bool) -> None:
     `quiet`: what it prints goes to log.txt.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    began, before = time.monotonic(), status(folder).get("seconds", 0.0)
     about: dict[str, Any] = {"state": "running", "began": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")}
-    run_dir.write_yaml(folder / "status.yaml", about)
+    if status(folder).get("state") != "done":  # it stays done if this start is cut short
+        run_dir.write_yaml(folder / "status.yaml", about)
     (folder / "error.txt").unlink(missing_ok=True)
     with contextlib.ExitStack() as stack:
         if quiet:
@@ -49,7 +48,7 @@ def guarded(task: Callable[[], None], folder: Path, quiet: bool) -> None:
             about |= {"state": "failed", "error": reason}
             (folder / "error.txt").write_text(traceback.format_exc(), encoding="utf-8")
             print(f"failed: {reason}", flush=True)
-    run_dir.write_yaml(folder / "status.yaml", about | {"seconds": round(before + time.monotonic() - began, 1)})
+    run_dir.write_yaml(folder / "status.yaml", about)
 
 
 @dataclass

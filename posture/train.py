@@ -21,7 +21,8 @@ def train(config: TrainConfig, folder: Path) -> None:
     """Run one training job in `folder`; where the folder of an experiment's job holds a part of it, only what is missing."""
     if config.resume is not None:
         config = _resumed(config, folder)
-    done = 0 if config.resume is None and not run_dir.is_run(folder) else run_dir.iterations_done(folder)
+    begun = config.resume is not None or (folder / "resume.pt").exists()
+    done = run_dir.iterations_done(folder) if begun else 0
     if done < config.max_iterations:
         with parallel.crew(config.processes, config.device, _learn, config, folder, done > 0):
             _learn(config, folder, done > 0)

@@ -9,9 +9,10 @@ from pathlib import Path
 
 from envs.config import EnvConfig
 from envs.segments import Segments
-from posture.config import EvalConfig, TrainConfig
+from posture import run_dir
+from posture.config import EnvChanges, EvalConfig, EvaluationConfig, TrainConfig
 from posture.coordination import Row, read_csv
-from posture.evaluation import AS_TRAINED, condition
+from posture.evaluation import AS_TRAINED, condition, is_current
 from posture.jobs import Job
 from posture.motion import indices
 from posture.program import InfeasibleError
@@ -55,11 +56,8 @@ def collect(
         return None
     first = _config(policies[0])
     rows = {name: [row for job in jobs for row in _own_rows(job)] for name, jobs in done.items()}
-    known = {job.folder.name for job in policies}
-    for name, jobs in evaluated.items():
-        tables = [job.folder / "metrics.csv" for job in jobs]
-        found = [row for table in tables if table.exists() for row in read_csv(table)]
-        rows[name] = sorted((row for row in found if row["run"] in known), key=lambda row: row["seed"])
+    for name, trials in evaluated.items():
+        rows[name] = [row for policy in policies for trial in trials for row in _trial_rows(trial, policy)]
     alone = {"hip_stiffness": first.paper["experiment_3"]["freq_hz"]}
     for name in BESIDE_THE_REWARD:
         rows[name] = _beside_the_reward(rows.get(name, []), first, alone.get(name))
@@ -91,10 +89,24 @@ def _config(job: Job) -> TrainConfig:
 
 
 def _own_rows(job: Job) -> list[Row]:
-    table = job.folder / "evaluation" / "metrics.csv"
-    if not table.exists():
+    """The rows of a training's own evaluation."""
+    run = _config(job)
+    return _rows(job, job.folder / "evaluation", run.evaluation, AS_TRAINED, run.device)
+
+
+def _trial_rows(trial: Job, policy: Job) -> list[Row]:
+    """The rows of the policy that the job `policy` trained, in the job `trial`."""
+    config = trial.config
+    assert isinstance(config, EvalConfig)
+    return _rows(policy, trial.folder / policy.folder.name, config.evaluation, config.env, config.device)
+
+
+def _rows(policy: Job, out: Path, evaluation: EvaluationConfig, changes: EnvChanges, device: str) -> list[Row]:
+    """What `out` holds of a policy; nothing where that is of other conditions, another policy or other code."""
+    model, run = run_dir.newest_model(policy.folder), _config(policy)
+    if model is None or not is_current(out, model, run, evaluation, changes, device):
         return []
-    return [condition(_config(job), AS_TRAINED) | {"run": job.folder.name} | row for row in read_csv(table)]
+    return [condition(run, changes) | {"run": policy.folder.name} | row for row in read_csv(out / "metrics.csv")]
 
 
 def _beside_the_reward(rows: Sequence[Row], run: TrainConfig, freq: float | None) -> list[Row]:
