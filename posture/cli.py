@@ -90,8 +90,10 @@ def one_line(error: Exception) -> str:
 
 
 def _sweep(start: Callable[[], None]) -> None:
-    """Run a sweep. Where its launcher breaks (a process was killed, a cluster's job ran out of time), say so: the jobs' folders
-    tell what is done."""
+    """Run a sweep. Where its launcher breaks (a process was killed, a cluster's job ran out of time), say so.
+
+    What is done, the jobs' folders tell.
+    """
     try:
         start()
     except (ConfigError, HydraException, OmegaConfBaseException):

@@ -36,9 +36,8 @@ def reproduce(config: ReproduceConfig, _folder: Path) -> None:
     """Run the stages that `config` names. Exits with 1 where a job failed; the report is of what was reached."""
     run_dir.writable(Path(config.out))
     with _composing():
-        all_jobs = {
-            name: jobs.check("train", TrainConfig, [*training(name, config), *_launcher(config)]).jobs for name in TRAININGS
-        }
+        trainings = {name: [*training(name, config), *_launcher(config)] for name in TRAININGS}
+        all_jobs = {name: jobs.check("train", TrainConfig, arguments).jobs for name, arguments in trainings.items()}
         wanted = {name: [job for job in found if _seed(job) <= config.seeds] for name, found in all_jobs.items()}
         trials = {name: jobs.check("eval", EvalConfig, evaluation(name, config)).jobs for name in EVALUATIONS}
     to_train = [job for found in wanted.values() for job in found]
@@ -48,7 +47,7 @@ def reproduce(config: ReproduceConfig, _folder: Path) -> None:
         with told(standing, "whole", TOLD_EVERY_S):
             for name in TRAININGS:
                 seeds = sorted({_seed(job) for job in wanted[name]})
-                failed |= run([*training(name, config), f"seed={','.join(map(str, seeds))}", *_launcher(config)], "train")
+                failed |= run([*trainings[name], f"seed={','.join(map(str, seeds))}"], "train")
     if "evaluate" in config.stages and any(progress(job) >= 1 for job in wanted["frequency"]):
         for name in EVALUATIONS:
             failed |= run(evaluation(name, config), "eval")

@@ -1,7 +1,7 @@
 """A sweep while it runs and when it has ended: what each job's folder says of it, how far all are, and which failed.
 
-A job leaves status.yaml in its folder: its state (running, done or failed), when it began, and of a failed one the error, whose
-traceback is in error.txt. Under a launcher of several processes what a job prints is in log.txt.
+A job leaves status.yaml in its folder: its state (running, done or failed), when it began, and of a failed one the error,
+whose traceback is in error.txt. Under a launcher of several processes what a job prints is in log.txt.
 """
 
 import contextlib
