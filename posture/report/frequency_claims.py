@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -160,8 +161,9 @@ def _switch(rows: Sequence[Row], modes: Mapping[Condition, str], transitions: Tr
         "Exp. 1",
         "There is one frequency at which the modes switch.",
         f"between {low:.2f} and {high:.2f} Hz; {ramp_hz:g} Hz in a ramp",
-        f"A seed's switch is where its correlation, linear between frequencies, first changes sign. Reproduced: within "
-        f"{where} in every seed; partly: in at least {SEED_SHARE:.0%} of them. A seed without a switch counts against it.",
+        "A seed's switch is where its correlation, linear between frequencies, goes from in-phase to anti-phase, if it "
+        f"does so once and never the other way. Reproduced: within {where} in every seed; partly: in at least "
+        f"{SEED_SHARE:.0%} of them. A seed without a switch counts against it.",
     )
     theory = predicted(transitions)
     if not rows:
@@ -176,13 +178,19 @@ def _switch(rows: Sequence[Row], modes: Mapping[Condition, str], transitions: Tr
 
 
 def switches(rows: Sequence[Row]) -> dict[float, float]:
-    """By seed, the frequency [Hz] at which the hip-ankle correlation first changes sign; nan where it does not."""
+    """By seed, the frequency [Hz] at which the hip-ankle correlation changes sign from positive to negative.
+
+    nan where it does not, or where it changes sign more than once or the other way.
+    """
     found = {}
     for seed in sorted({row["seed"] for row in rows}):
         own = [row for row in rows if row["seed"] == seed]
         r = [row["hip_ankle_r"] if row["valid"] else math.nan for row in own]
         hz = transition_frequency([row["freq_hz"] for row in own], r)
-        found[seed] = math.nan if hz is None else hz
+        known = [value for _, value in sorted(zip((row["freq_hz"] for row in own), r, strict=True)) if value]
+        signs = [value > 0 for value in known if not math.isnan(value)]
+        once = sum(a != b for a, b in pairwise(signs)) == 1 and signs[0]
+        found[seed] = hz if hz is not None and once else math.nan
     return found
 
 

@@ -40,7 +40,7 @@ def target_table(found: Sequence[Target]) -> Table:
     """What a well-trained reproduction was asked for beforehand, and whether it was met."""
     word = {True: "met", False: "**missed**", None: "not measured"}
     rows = [[t.name, word[t.met], t.required, t.measured] for t in found]
-    return Table(["target", "", "required", "measured"], rows, "Targets set before the trainings, and what came out")
+    return Table(["target", "", "required", "measured"], rows, "Targets, and what came out")
 
 
 def body_table(env: EnvConfig, paper: Mapping[str, Any]) -> Table:

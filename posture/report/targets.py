@@ -1,6 +1,6 @@
 """What a well-trained reproduction is asked for, and whether it is met: rows of results in, answers out.
 
-For `results`, `paper` and `transitions` see `posture.claims`.
+For `results`, `paper` and `transitions` see `posture.report.claims`.
 """
 
 from __future__ import annotations

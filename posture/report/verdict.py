@@ -120,14 +120,11 @@ def _comment(outcomes: Mapping[str, Outcome]) -> str:
     shows = [name for name, outcome in outcomes.items() if outcome == "reproduced"]
     lacks = [f"{name}: {outcome}" for name, outcome in outcomes.items() if outcome != "reproduced"]
     if shows and lacks:
-        return f"By the same rule theory bears it out for one optimum ({shows[0]}), not in full for the other ({lacks[0]})."
+        return f"Theory shows it for one optimum ({shows[0]}), not in full for the other ({lacks[0]})."
     if shows:
-        return (
-            f"By the same rule theory bears it out ({', '.join(shows)}): economy asks for it in this body, and what is "
-            "missing is a matter of learning or of the simulation's departures from the linear stander."
-        )
+        return f"Theory shows it ({', '.join(shows)}); why the trained policies do not, or not wholly, was not tested."
     if lacks:
-        return f"By the same rule theory does not bear it out in full either ({', '.join(lacks)})."
+        return f"Theory does not show it in full either ({', '.join(lacks)})."
     return ""
 
 

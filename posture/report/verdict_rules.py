@@ -6,6 +6,7 @@ The same rules are applied to theory's values, so that one can see whether a cla
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 
@@ -19,13 +20,13 @@ Outcome = Literal["reproduced", "partly", "not", "not measured"]
 Means = Mapping[Condition, SeedMean]
 
 MODE_SHARE = 0.75
-"""Of the conditions, for "partly". By chance half of the modes agree, or more where one mode prevails."""
+"""Of the conditions, for "partly"; and more than a stander would get that keeps the mode that prevails in the paper."""
 MEASURED_SHARE = 0.75
 """Of the paper's conditions. With less, an unfinished sweep would be judged by its easy end."""
 RHO_REPRODUCED = 0.8
-"""Spearman's rho of a clear trend: with eight to ten conditions chance alone gives it once in a hundred or more."""
+"""Spearman's rho of a clear trend: with eight to ten conditions chance alone gives it in one case of a hundred or fewer."""
 RHO_PARTLY = 0.4
-"""Of a tendency: chance alone gives it about once in eight."""
+"""Of a tendency: chance alone gives it in one case of six to eight."""
 SEED_SHARE = 0.5
 """Of the seeds, which must show what is judged seed by seed for "partly"."""
 LEAST_CONDITIONS = 3
@@ -35,7 +36,7 @@ JUDGED_WHERE = f"Judged where at least {MEASURED_SHARE:.0%} of the paper's condi
 PATTERN_RULE = (
     "The mode of a condition is the sign of the mean correlation over the seeds; where most seeds fell or have no mode, it "
     f"counts as different. Reproduced: the paper's mode in all conditions; partly: in at least {MODE_SHARE:.0%} of those "
-    f"measured. {JUDGED_WHERE}"
+    f"measured, and in more than one mode throughout would give. {JUDGED_WHERE}"
 )
 
 
@@ -101,7 +102,10 @@ def pattern(means: Means, expected: Mapping[Condition, str], by: Sequence[str]) 
         finding += f", no value at {', '.join(missing)}"
     if agree == len(expected):
         return Judgement("reproduced", finding)
-    return Judgement("partly" if agree >= MODE_SHARE * len(measured) else "not", finding)
+    needed = MODE_SHARE * len(measured)
+    if len(set(expected.values())) > 1:
+        needed = max(needed, max(Counter(expected[c] for c in measured).values()) + 1)
+    return Judgement("partly" if agree >= needed else "not", finding)
 
 
 def trend(
