@@ -27,11 +27,13 @@ def reproduced(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_every_condition_is_trained_once(reproduced):
     counts = {name: len(run_dir.runs_in(reproduced / "runs" / name)) for name in ("frequency", "energy", "hip_stiffness")}
     assert counts == {"frequency": 1, "energy": 9, "hip_stiffness": 8}
 
 
+@pytest.mark.slow
 def test_the_tables_are_tidy(reproduced):
     tables = {path.stem: table(path) for path in (reproduced / "report" / "tables").glob("*.csv")}
     counts = {name: len(rows) for name, rows in tables.items()}
@@ -42,6 +44,7 @@ def test_the_tables_are_tidy(reproduced):
     assert {float(row["load_kg"]) for row in tables["load"]} == {0.5 * i for i in range(9)}
 
 
+@pytest.mark.slow
 def test_the_page_claims_nothing_where_everybody_fell(reproduced):
     verdicts = {row["key"]: row["verdict"] for row in table(reproduced / "report" / "tables" / "verdicts.csv")}
     assert len(verdicts) >= 16
@@ -52,6 +55,7 @@ def test_the_page_claims_nothing_where_everybody_fell(reproduced):
     assert (reproduced / "report" / "summary.md").read_text().startswith("# ")
 
 
+@pytest.mark.slow
 def test_a_second_start_does_nothing_again(reproduced, monkeypatch, capfd):
     monkeypatch.chdir(reproduced)
     before = {path: path.stat().st_mtime_ns for path in Path("runs").rglob("*.npz")}
@@ -62,6 +66,7 @@ def test_a_second_start_does_nothing_again(reproduced, monkeypatch, capfd):
     assert {path: path.stat().st_mtime_ns for path in Path("runs").rglob("*.npz")} == before
 
 
+@pytest.mark.slow
 def test_shipped_policies_are_small_and_can_be_evaluated(reproduced, monkeypatch, tmp_path):
     from posture.config import TrainConfig
     from posture.jobs import check
