@@ -113,7 +113,7 @@ def all_traces() -> dict[str, Trajectory]:
 
 
 def report(rows: dict[str, list[Row]], traces: dict[str, Trajectory], folder: Path) -> dict[str, Path]:
-    return draw_report(rows, traces, PAPER, SPAN, TRANSITIONS, folder)
+    return draw_report(rows, traces, PAPER, SPAN, TRANSITIONS, folder, ramp_start=0.0, still_joint_deg=0.5)
 
 
 def labelled(ax: Axes, label: str) -> list[Line2D]:
@@ -183,7 +183,7 @@ def test_nothing_is_drawn_of_nothing_and_all_may_have_fallen(tmp_path: Path) -> 
 
 
 def test_a_paper_without_tables_leaves_ours(tmp_path: Path) -> None:
-    drawn = draw_report(all_rows(), all_traces(), {}, SPAN, {}, tmp_path)
+    drawn = draw_report(all_rows(), all_traces(), {}, SPAN, {}, tmp_path, ramp_start=0.0, still_joint_deg=0.5)
     # The height of the target, the frequency of Exp. 3 and the ramp are the paper's.
     assert drawn.keys() == NAMES - {"figure_2", "figure_9", "figure_10"}
 

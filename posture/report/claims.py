@@ -27,5 +27,5 @@ def verdicts(results: Results, paper: Paper, transitions: Transitions) -> list[V
         sweeps.ramp_claim(results.get("ramp", ()), paper["experiment_4a"], transitions),
         sweeps.load_claim(results.get("load", ()), paper["experiment_4b"]),
         *sweeps.map_claims(stiffness, paper),
-        sweeps.amplitude_claim(results.get("amplitude", ())),
+        sweeps.amplitude_claim(results.get("amplitude", ()), paper["table_3"]["freq_hz"]),
     ]

@@ -88,7 +88,7 @@ def effort(fig: Figure, rows: Sequence[Row], paper: Paper) -> None:
     """Fig. 8 (Exp. 2): correlation, relative phase [deg], energy [J] and tracking against gamma, beside paper Table 4."""
     axes = fig.subplots(2, 2, sharex=True).ravel()
     _correlation_and_phase(axes[:2], rows, GAMMA)
-    for ax, column, label in ((axes[2], "energy_j", "energy, 100 s [J]"), (axes[3], "target_head_r", "target-head r")):
+    for ax, column, label in ((axes[2], "energy_j", "energy of a trial [J]"), (axes[3], "target_head_r", "target-head r")):
         draw_seeds(ax, rows, GAMMA, column, label="mean of the seeds")
         table = published(paper, "table_4", "gamma", column)
         if table:

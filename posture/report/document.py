@@ -78,16 +78,22 @@ def _sections(
 ) -> list[Section]:
     """The page, top to bottom. Of what was not measured there is neither table nor figure."""
     rows, run, paper = results.rows, results.first, results.first.paper
+    filled = numbers(run)
 
     def shown(*names: str) -> list[Block]:
-        return [Figure(figures[name], *FIGURES[name]) for name in names if name in figures]
+        told = {name: [text.format_map(filled) for text in FIGURES[name]] for name in names if name in figures}
+        return [Figure(figures[name], *texts) for name, texts in told.items()]
 
     def table(make: Callable[[Sequence[Row], Mapping[str, Any]], Table], name: str) -> list[Block]:
         return [make(rows[name], paper)] if name in rows else []
 
     tables = report_tables
     sections = [
-        Section("Verdicts", "verdicts", [Text(HOW_TO_READ), tables.verdict_table(claims), tables.target_table(aims)]),
+        Section(
+            "Verdicts",
+            "verdicts",
+            [Text(HOW_TO_READ.format_map(filled)), tables.verdict_table(claims), tables.target_table(aims)],
+        ),
         Section("Theory", "theory", [Text(_theory(results.transitions))]),
         Section("Body and learning", "body", [tables.body_table(run.env, paper), tables.learning_table(run, paper)]),
         Section(
@@ -114,6 +120,22 @@ def _sections(
         Section("How this was made", "made", _made(results.jobs, commands)),
     ]
     return [section for section in sections if section.blocks]
+
+
+def numbers(run: TrainConfig) -> dict[str, float]:
+    """The numbers that stand in words and captions, by the names that text.py has for them."""
+    paper = run.paper
+    return {
+        "travel": 2 * run.env.amplitude,
+        "tolerance_mm": 1e3 * run.evaluation.tolerance,
+        "duration": run.evaluation.duration,
+        "energy_hz": paper["table_4"]["freq_hz"],
+        "stiffness_hz": paper["experiment_3"]["freq_hz"],
+        "ramp_rate": paper["experiment_4a"]["rate_hz_per_s"],
+        "window_steps": paper["experiment_4a"]["window_steps"],
+        "load_kg": paper["experiment_4b"]["load_kg"][-1],
+        "load_hz": paper["experiment_4b"]["freq_hz"],
+    }
 
 
 def _said(claim: Verdict) -> str:

@@ -40,8 +40,8 @@ def draw_report(
     transitions: Mapping[str, float],
     folder: str | Path,
     *,
-    ramp_start: float = 0.0,
-    still_joint_deg: float = 0.0,
+    ramp_start: float,
+    still_joint_deg: float,
 ) -> dict[str, Path]:
     """Draw into `folder` every figure for which there are results, as a PNG, and return the paths by name.
 

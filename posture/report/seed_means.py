@@ -51,10 +51,14 @@ def seed_means(rows: Sequence[Row], by: Sequence[str], column: str) -> dict[Cond
     """
     means = {}
     for condition, group in _grouped(rows, by).items():
-        values = [_value(row, column) for row in group if row["valid"]]
-        values = [value for value in values if math.isfinite(value)]
-        means[condition] = SeedMean(*bootstrap_mean(values), n=len(values), trials=len(group))
+        means[condition] = mean_of([_value(row, column) if row["valid"] else math.nan for row in group])
     return means
+
+
+def mean_of(values: Sequence[float]) -> SeedMean:
+    """The mean of a value of each seed, nan where it has none."""
+    found = [value for value in values if math.isfinite(value)]
+    return SeedMean(*bootstrap_mean(found), n=len(found), trials=len(values))
 
 
 def theory_means(rows: Sequence[Row], by: Sequence[str], column: str) -> dict[Condition, SeedMean]:
@@ -67,7 +71,7 @@ def theory_means(rows: Sequence[Row], by: Sequence[str], column: str) -> dict[Co
     return means
 
 
-def where(rows: Sequence[Row], column: str, values: Sequence[float]) -> list[Row]:
+def where(rows: Sequence[Row], column: str, values: Sequence[float | str]) -> list[Row]:
     """The rows whose `column` is one of `values`."""
     wanted = {_key(value) for value in values}
     return [row for row in rows if _key(row[column]) in wanted]

@@ -15,13 +15,15 @@ import numpy as np
 
 from envs.config import EnvConfig
 from envs.mujoco_c import build
-from posture.confidence import bootstrap_mean
 from posture.config import TrainConfig
-from posture.coordination import Row, mode, transition_frequency
+from posture.coordination import Row
+from posture.report.frequency_claims import switches
 from posture.report.page import Table
 from posture.report.page import Verdict as Word
+from posture.report.seed_means import mean_of, seed_means, theory_means, where
 from posture.report.targets import Target
 from posture.report.verdict import Verdict
+from posture.report.verdict_rules import shown_mode
 
 ENGINES = {"sagittal": "planar", "mujoco": "SolverMuJoCo", "mujoco_c": "MuJoCo C"}
 """Engines by what the report calls them: the first is that in which policies learned."""
@@ -86,7 +88,7 @@ def tracking_table(rows: Sequence[Row], paper: Mapping[str, Any]) -> Table:
     columns = (("target_head_r", 4), ("head_amplitude_m", 4), ("head_speed_mps", 3))
     lines = []
     for i, freq in enumerate(published["freq_hz"]):
-        own = _at(rows, freq_hz=freq)
+        own = where(rows, "freq_hz", [freq])
         cells = ((_mean(own, column, digits), f"{published[column][i]:.{digits}f}") for column, digits in columns)
         lines.append([f"{freq:.2f}", *(cell for pair in cells for cell in pair)])
     headings = ["f [Hz]", "target-head r", "paper", "amplitude [m]", "paper", "speed [m/s]", "paper"]
@@ -98,7 +100,9 @@ def mode_table(rows: Sequence[Row], paper: Mapping[str, Any]) -> Table:
     published = paper["table_3"]
     theirs = dict(zip(published["freq_hz"], published["mode"], strict=True))
     freqs = sorted({row["freq_hz"] for row in rows})
-    lines = [[f"{f:g}", *_coordination(_at(rows, freq_hz=f)), f"{theirs[f]}-phase" if f in theirs else "-"] for f in freqs]
+    lines = [
+        [f"{f:g}", *_coordination(where(rows, "freq_hz", [f])), f"{theirs[f]}-phase" if f in theirs else "-"] for f in freqs
+    ]
     headings = ["f [Hz]", *_COORDINATION, "paper"]
     return Table(headings, lines, f"Coordination in Exp. 1, {_seeds(rows)}", "r" * len(headings))
 
@@ -108,7 +112,7 @@ def energy_table(rows: Sequence[Row], paper: Mapping[str, Any]) -> Table:
     published = paper["table_4"]
     lines = []
     for i, weight in enumerate(published["gamma"]):
-        own = _at(rows, energy_weight=weight)
+        own = where(rows, "energy_weight", [weight])
         lines.append(
             [
                 f"{weight:g}",
@@ -121,20 +125,21 @@ def energy_table(rows: Sequence[Row], paper: Mapping[str, Any]) -> Table:
                 _mean(own, "hip_ankle_r", 2),
                 _modes(own),
                 f"{published['mode'][i]}-phase",
+                _stood(own),
             ]
         )
     headings = ["gamma", "target-head r", "paper", "amplitude [m]", "paper", "energy [J]", "paper"]
-    headings += ["hip-ankle r", "mode", "paper"]
+    headings += ["hip-ankle r", "mode", "paper", "stood"]
     return Table(headings, lines, f"Table 4: Exp. 2, {_seeds(rows)}", "r" * len(headings))
 
 
 def stiffness_table(rows: Sequence[Row], paper: Mapping[str, Any]) -> Table:
     """Exp. 3, which the paper shows as a figure."""
     published = paper["experiment_3"]
-    rows = [row for row in rows if math.isclose(row["freq_hz"], published["freq_hz"])]
+    rows = where(rows, "freq_hz", [published["freq_hz"]])
     lines = []
     for hip_k, theirs in zip(published["hip_k_nm_per_rad"], published["mode"], strict=True):
-        own = _at(rows, hip_k_nm_per_rad=hip_k)
+        own = where(rows, "hip_k_nm_per_rad", [hip_k])
         lines.append([f"{hip_k:g}", *_coordination(own), f"{theirs}-phase", _mean(own, "hip_range_deg", 1)])
     headings = ["hip stiffness [Nm/rad]", *_COORDINATION, "paper", "hip range [deg]"]
     return Table(headings, lines, f"Exp. 3: {published['freq_hz']:g} Hz, {_seeds(rows)}", "r" * len(headings))
@@ -145,21 +150,24 @@ def load_table(rows: Sequence[Row], paper: Mapping[str, Any]) -> Table:
     published = paper["experiment_4b"]
     theirs = {load: f"{name}-phase" for load, name in zip(published["load_kg"], published["mode_at_ends"], strict=True)}
     loads = sorted({row["load_kg"] for row in rows})
-    lines = [[f"{load:g}", *_coordination(_at(rows, load_kg=load)), theirs.get(load, "-")] for load in loads]
+    lines = [[f"{load:g}", *_coordination(where(rows, "load_kg", [load])), theirs.get(load, "-")] for load in loads]
     headings = ["load [kg]", *_COORDINATION, "paper"]
     return Table(headings, lines, f"Exp. 4b: {published['freq_hz']:g} Hz, {_seeds(rows)}", "r" * len(headings))
 
 
 def ramp_table(rows: Sequence[Row], paper: Mapping[str, Any]) -> Table:
     """Exp. 4a, seed by seed."""
-    names = ("transition_centred_hz", "transition_trailing_hz")
+    names = {f"{what}_{kind}{unit}": digits for kind in ("centred", "trailing") for what, unit, digits in _RAMP}
     lines = [
-        [f"seed {row['seed']:g}", *(_number(row[name], 2) if row["valid"] else "fell" for name in names), _crossings(row)]
+        [
+            f"seed {row['seed']:g}",
+            *(_number(row.get(name, math.nan), digits) if row["valid"] else "fell" for name, digits in names.items()),
+        ]
         for row in rows
     ]
     published = paper["experiment_4a"]
     caption = f"Exp. 4a: transition in the ramp [Hz]; paper: {published['transition_hz']:g} Hz, its kind of window not given"
-    return Table(["", "centred windows", "trailing windows", "sign changes in centred windows"], lines, caption, "lrrr")
+    return Table(["", "centred windows", "sign changes", "trailing windows", "sign changes"], lines, caption, "lrrrr")
 
 
 def engine_table(rows: Sequence[Row]) -> Table:
@@ -167,78 +175,65 @@ def engine_table(rows: Sequence[Row]) -> Table:
     engines = [name for name in ENGINES if any(row["physics"] == name for row in rows)]
     lines = []
     for freq in sorted({round(row["freq_hz"], FREQ_DIGITS) for row in rows}):
-        own = [_at(rows, freq_hz=freq, physics=name) for name in engines]
+        own = [where(where(rows, "freq_hz", [freq]), "physics", [name]) for name in engines]
         lines.append(
             [
                 f"{freq:.2f}",
-                *(f"{_mean(o, 'hip_ankle_r', 2)} {_modes(o)}" for o in own),
+                *(f"{_mean(o, 'hip_ankle_r', 2)} {_modes(o)}{_falls(o)}" for o in own),
                 *(_mean(o, "cost_ratio", 2) for o in own),
             ]
         )
-    lines.append(["switch [Hz]", *(_switch(_at(rows, physics=name)) for name in engines), *["-" for _ in engines]])
+    lines.append(["switch [Hz]", *(_switch(where(rows, "physics", [name])) for name in engines), *["-" for _ in engines]])
     titles = [ENGINES[name] for name in engines]
     headings = ["f [Hz]", *(f"r, {title}" for title in titles), *(f"cost / least, {title}" for title in titles)]
     return Table(headings, lines, f"The same policies in other physics, {_seeds(rows)}", "r" * len(headings))
 
 
-_COORDINATION = ["hip-ankle r", "phase [deg]", "mode", "least-torque r", "trained reward's r", "cost / least"]
+_COORDINATION = ["hip-ankle r", "phase [deg]", "mode", "least-torque r", "trained reward's r", "cost / least", "stood"]
+_RAMP = (("transition", "_hz", 2), ("crossings", "", 0))
 
 
 def _coordination(rows: Sequence[Row]) -> list[str]:
     """The cells under `_COORDINATION`."""
-    theory = [
-        _number(rows[0].get(name, math.nan), 2) if rows else "-" for name in ("least_hip_ankle_r", "reward_hip_ankle_r")
-    ]
+    theory = (theory_means(rows, (), name) for name in ("least_hip_ankle_r", "reward_hip_ankle_r"))
     return [
         _mean(rows, "hip_ankle_r", 2),
         _mean(rows, "relative_phase_deg", 0),
         _modes(rows),
-        *theory,
+        *(means[()].text(".2f") if means else "-" for means in theory),
         _mean(rows, "cost_ratio", 2),
+        _stood(rows),
     ]
 
 
-def _at(rows: Sequence[Row], **condition: Any) -> list[Row]:
-    """The rows that meet a condition, numbers to rounding."""
-
-    def meets(value: Any, wanted: Any) -> bool:
-        return math.isclose(value, wanted, abs_tol=1e-9) if isinstance(wanted, (int, float)) else bool(value == wanted)
-
-    return [row for row in rows if all(meets(row[name], wanted) for name, wanted in condition.items())]
-
-
 def _mean(rows: Sequence[Row], column: str, digits: int) -> str:
-    """Mean over seeds and its interval, of those that did not fall."""
-    mean, low, high = bootstrap_mean([row[column] for row in rows if row["valid"]])
-    if math.isnan(low):
-        return _number(mean, digits)
-    return f"{_number(mean, digits)} [{_number(low, digits)}, {_number(high, digits)}]"
+    """Mean over seeds and its interval, of those that did not fall; a dash where none has a value."""
+    return seed_means(rows, (), column)[()].text(f".{digits}f") if rows else "-"
 
 
 def _modes(rows: Sequence[Row]) -> str:
-    """The mode of the mean correlation, how many seeds differ from it, and how many fell."""
-    held = [row for row in rows if row["valid"]]
-    told = []
-    if held:
-        whole = mode(float(np.nanmean([row["hip_ankle_r"] for row in held])))
-        told = [whole]
-        others = sum(row["mode"] != whole for row in held)
-        told += [f"({others} of {len(held)} not)"] * bool(others)
-    told += [f"({len(rows) - len(held)} fell)"] * (len(held) < len(rows))
-    return " ".join(told) or "-"
+    """The mode of the mean correlation, and how many of the seeds that stood differ from it."""
+    if not rows:
+        return "-"
+    whole = shown_mode(seed_means(rows, (), "hip_ankle_r")[()])
+    stood = [row for row in rows if row["valid"]]
+    others = 0 if whole == "no mode" else sum(row["mode"] != whole for row in stood)
+    return f"{whole} ({others} of {len(stood)} not)" if others else whole
+
+
+def _stood(rows: Sequence[Row]) -> str:
+    """How many of the seeds stood: "4/5"."""
+    return f"{sum(row['valid'] for row in rows)}/{len(rows)}" if rows else "-"
+
+
+def _falls(rows: Sequence[Row]) -> str:
+    return "" if all(row["valid"] for row in rows) else f" ({_stood(rows)} stood)"
 
 
 def _switch(rows: Sequence[Row]) -> str:
-    """Mean over seeds of the frequency at which the correlation changes sign [Hz]."""
-    seeds = sorted({row["seed"] for row in rows})
-    own = [[row for row in rows if row["seed"] == seed] for seed in seeds]
-    found = [transition_frequency([r["freq_hz"] for r in o], [r["hip_ankle_r"] for r in o]) for o in own]
-    mean, low, high = bootstrap_mean([f for f in found if f is not None])
-    return _number(mean, 3) if math.isnan(low) else f"{mean:.3f} [{low:.3f}, {high:.3f}]"
-
-
-def _crossings(row: Row) -> str:
-    return _number(row.get("crossings_centred", math.nan), 0)
+    """Mean over seeds of the frequency [Hz] at which the correlation goes from in-phase to anti-phase, if once."""
+    found = mean_of(list(switches(rows).values()))
+    return found.text(".3f") + (f" (none in {found.trials - found.n} of {found.trials})" if found.n < found.trials else "")
 
 
 def _seeds(rows: Sequence[Row]) -> str:

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posture.confidence import bootstrap_mean
 from posture.coordination import Row
 from posture.report.frequency_claims import switches
-from posture.report.seed_means import Condition, SeedMean, conditions, label, sample, seed_means, theory_means, where
+from posture.report.seed_means import Condition, conditions, label, mean_of, sample, seed_means, theory_means, where
 from posture.report.sweep_claims import map_grid, map_modes
 from posture.report.verdict import NO_RESULTS, THEORY, Paper, Results, Transitions, by_seed
 from posture.report.verdict_rules import MEASURED_SHARE, Means, shown_mode
@@ -72,7 +71,7 @@ def _switch(rows: Sequence[Row], theory_hz: float) -> Target:
     if not rows:
         return Target(name, required, NO_RESULTS, None)
     found = switches(rows)
-    away = bootstrap_mean(list(found.values()))[0] - theory_hz
+    away = mean_of(list(found.values())).mean - theory_hz
     measured = by_seed(found)
     if math.isfinite(away):
         measured += f", {away:+.3f} Hz from theory's"
@@ -159,7 +158,7 @@ def _cost(rows: Sequence[Row], paper: Paper) -> Target:
             ratios[seed] = float(np.mean([mean.mean for mean in own.values()]))
     if not ratios:
         return Target(name, required, f"no seed with a cost at all ten; {sample(rows, _FREQ)}", None)
-    mean = SeedMean(*bootstrap_mean(list(ratios.values())), n=len(ratios), trials=len(ratios))
+    mean = mean_of(list(ratios.values()))
     told = ", ".join(f"seed {seed:g} {ratio:.3f}" for seed, ratio in ratios.items())
     return Target(name, required, f"{told}; mean {mean.text('.3f')}; {sample(rows, _FREQ)}", mean.mean <= COST)
 

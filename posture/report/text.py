@@ -1,4 +1,4 @@
-"""What the report says in words: how to read it, and what its figures show."""
+"""What the report says in words: how to read it, and what its figures show. Numbers in braces are filled in."""
 
 TITLE = "Does a learning stander switch its postural mode?"
 
@@ -8,8 +8,8 @@ postural mode alternation through deep reinforcement learning (Scientific Report
 """
 
 HOW_TO_READ = """
-A simulated person follows a target with the head, back and forth by 0.2 m, and is rewarded for closeness, for standing
-where it stands and for little torque. Nothing in the reward speaks of coordination. **In-phase** is a positive
+A simulated person follows a target with the head, back and forth by {travel:g} m, and is rewarded for closeness, for
+standing where it stands and for little torque. Nothing in the reward speaks of coordination. **In-phase** is a positive
 correlation of hip and ankle angle over a trial (the trunk bends forward as the body leans forward), **anti-phase** a
 negative one.
 
@@ -18,10 +18,10 @@ brackets; with so few seeds such an interval is too narrow rather than too wide.
 counted and never averaged in. Every seed is a point in the figures.
 
 **Theory** is the linear two-link stander of the same body, without learning. Its least-torque motion keeps the head
-within 25 mm of the target, and the centre of pressure within the foot, for the least mean squared torque; the optimum
-of the trained reward is what the reward itself asks for, its energy term included. A verdict says whether the paper's
-claim came out here, by a rule that stands [below](#rules). It does not say whether the paper is right or wrong about
-people.
+within {tolerance_mm:g} mm of the target, and the centre of pressure within the foot, for the least mean squared torque;
+the optimum of the trained reward is what the reward itself asks for, its energy term included. A verdict says whether
+the paper's claim came out here, by a rule that stands [below](#rules). It does not say whether the paper is right or
+wrong about people.
 """
 
 THEORY = """
@@ -60,19 +60,23 @@ FIGURES: dict[str, tuple[str, str]] = {
     ),
     "figure_8": (
         "Relative phase, energy and tracking against the weight of effort",
-        "Fig. 8. Exp. 2: the weight gamma of effort in the reward, at 0.4 Hz.",
+        "Fig. 8. Exp. 2: the weight gamma of effort in the reward, at {energy_hz:g} Hz; energy in {duration:g} s.",
     ),
     "figure_9": (
-        "Coordination against hip stiffness at 0.5 Hz",
-        "Fig. 9. Exp. 3: hip stiffness, a policy each, at 0.5 Hz.",
+        "Coordination against hip stiffness at {stiffness_hz:g} Hz",
+        "Fig. 9. Exp. 3: hip stiffness, a policy each, at {stiffness_hz:g} Hz.",
     ),
     "figure_10": (
         "Joint angles and their running correlation while the frequency rises",
-        "Fig. 10. Exp. 4a: the target's frequency rises by 0.036 Hz/s; running correlation in windows of 300 steps.",
+        "Fig. 10. Exp. 4a: the target's frequency rises by {ramp_rate:g} Hz/s; running correlation in windows of "
+        "{window_steps:d} steps.",
     ),
-    "figure_11": ("Hip and ankle angle without load and with 4 kg", "Fig. 11. Exp. 4b: joint angles without and with load."),
+    "figure_11": (
+        "Hip and ankle angle without load and with {load_kg:g} kg",
+        "Fig. 11. Exp. 4b: joint angles without and with load.",
+    ),
     "figure_12": (
-        "Coordination against load at 0.4 Hz",
+        "Coordination against load at {load_hz:g} Hz",
         "Fig. 12. Exp. 4b: a load on the trunk, policies not trained again.",
     ),
     "figure_13": (
@@ -80,16 +84,16 @@ FIGURES: dict[str, tuple[str, str]] = {
         "Fig. 13. Correlation over frequency and hip stiffness; lines where it changes sign, ours and theory's.",
     ),
     "amplitude": (
-        "Hip-ankle correlation against frequency at four amplitudes of the target",
+        "Hip-ankle correlation against frequency at several amplitudes of the target",
         "Amplitude of the target (in the paper's text only), policies not trained again.",
     ),
     "engines": (
-        "Hip-ankle correlation and cost ratio against frequency in three physics engines",
-        "The same policies in three engines.",
+        "Hip-ankle correlation and cost ratio against frequency in each physics engine",
+        "The same policies in each engine.",
     ),
     "tracking": (
         "Target-head correlation, head amplitude and head speed against frequency",
         "The columns of Table 3 against frequency.",
     ),
 }
-"""By name, what is seen, for those who cannot see it, and the caption."""
+"""By name, what is seen, for those who cannot see it, and the caption; numbers in braces are those of `document.numbers`."""

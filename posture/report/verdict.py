@@ -9,9 +9,8 @@ from functools import cache
 from itertools import groupby
 from typing import Any
 
-from posture.confidence import bootstrap_mean
 from posture.coordination import Row
-from posture.report.seed_means import Condition, SeedMean, label, listing, sample, seed_means, span, theory_means
+from posture.report.seed_means import Condition, label, listing, mean_of, sample, seed_means, span, theory_means
 from posture.report.verdict_rules import Judgement, Means, Outcome
 
 Results = Mapping[str, Sequence[Row]]
@@ -141,10 +140,8 @@ def predicted(transitions: Transitions) -> str:
 
 def by_seed(values: Mapping[float, float]) -> str:
     """Frequencies [Hz] by seed and their mean with its interval; "none" for a seed without one."""
-    mean, low, high = bootstrap_mean(list(values.values()))
     text = ", ".join(f"seed {seed:g} {'none' if math.isnan(hz) else f'{hz:.3f}'}" for seed, hz in values.items())
-    known = sum(math.isfinite(hz) for hz in values.values())
-    return f"{text}; mean {SeedMean(mean, low, high, known, len(values)).text('.3f')} Hz"
+    return f"{text}; mean {mean_of(list(values.values())).text('.3f')} Hz"
 
 
 def modes_said(modes: Mapping[Condition, str], by: Sequence[str]) -> str:
