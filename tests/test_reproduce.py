@@ -94,7 +94,7 @@ def test_shipped_policies_are_small_and_can_be_evaluated(reproduced, monkeypatch
         ("stages=[train,dream]", "stages"),
         ("launcher=fast", "launcher = 'fast'"),
         ("search=[1.0,0.5]", "from low to high"),
-        ("overrides=[env.hip_k=-5]", "env.hip_k = -5"),
+        ("overrides=['env.hip_k=-5']", "env.hip_k = -5"),
         ("stages=[report]", "no policy of Exp. 1 is done"),
     ],
 )
