@@ -38,6 +38,14 @@ All numbers of the figures are in the CSV files beside this page, a row a seed a
 it anew; `python -m posture.reproduce` runs them all and writes this page:
 """
 
+MIXED = """
+**These results are mixed:** their trainings differ in {what}. Numbers that differ may differ for that reason alone.
+"""
+
+LEFT_OUT = """
+**Left out**, for they are of other code or another configuration than this page: {count} ({names}).
+"""
+
 FIGURES: dict[str, tuple[str, str]] = {
     # name: (what one sees, caption)
     "figure_2": (
