@@ -380,14 +380,14 @@ def test_amplitudes_are_judged_where_all_conditions_have_values(paper_like: dict
 
 
 def test_amplitudes_are_told_over_the_frequencies_that_have_all(paper_like: dict[str, list[Row]]) -> None:
-    # As above with slope 1; without 1.5 Hz the range that begins at 0.75 Hz ends at 1.35 Hz: it is no longer a factor of 2.
-    rows = [{**r, "hip_ankle_r": 10 * (r["amplitude_m"] - 0.06) + r["freq_hz"]} for r in paper_like["amplitude"]]
+    # As above with slope 2; without 1.5 Hz the range that begins at 0.75 Hz ends at 1.35 Hz: it is no longer a factor of 2.
+    rows = [{**r, "hip_ankle_r": 10 * (r["amplitude_m"] - 0.06) + 2 * r["freq_hz"]} for r in paper_like["amplitude"]]
     verdict = found({"amplitude": changed(rows, fallen, amplitude_m=0.12, freq_hz=1.5)})["amplitude"]
     assert verdict.verdict == "not measured" and "in 1 of 40 conditions" in verdict.measured
     told = "over the 9 frequencies that have all amplitudes the correlation differs by 0.60 between amplitudes"
     assert told in verdict.measured
-    assert "by 0.38 between frequencies over the same factor" in verdict.measured  # the mean of 0.15, 0.3, 0.45, 0.6
-    assert "by 1.20 over all of them (0.15 to 1.35 Hz)" in verdict.measured
+    assert "by 0.75 between frequencies over the same factor" in verdict.measured  # 2 x the mean of 0.15, 0.3, 0.45, 0.6
+    assert "by 2.40 over all of them (0.15 to 1.35 Hz)" in verdict.measured
 
 
 # --- rules and means

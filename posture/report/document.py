@@ -130,6 +130,7 @@ def numbers(run: TrainConfig) -> dict[str, float]:
     paper = run.paper
     return {
         "travel": 2 * run.env.amplitude,
+        "amplitude": run.env.amplitude,
         "tolerance_mm": 1e3 * run.evaluation.tolerance,
         "duration": run.evaluation.duration,
         "energy_hz": paper["table_4"]["freq_hz"],

@@ -93,7 +93,7 @@ FIGURES: dict[str, tuple[str, str]] = {
     ),
     "amplitude": (
         "Hip-ankle correlation against frequency at several amplitudes of the target",
-        "Amplitude of the target (in the paper's text only), policies not trained again.",
+        "Amplitude of the target (in the paper's text only). The policies were trained at {amplitude:g} m alone.",
     ),
     "engines": (
         "Hip-ankle correlation and cost ratio against frequency in each physics engine",
