@@ -16,6 +16,10 @@ class ConfigError(Exception):
 
 def one_line(error: ValidationError) -> str:
     """The first thing that is wrong, by the name of its key."""
+    return " ".join(_told(error).split())
+
+
+def _told(error: ValidationError) -> str:
     errors = error.errors()
     # Of a union pydantic reports every branch: the branch that took the value's shape and refused its content says most.
     first = next((e for e in errors if e["type"] == "value_error"), errors[0])

@@ -4,10 +4,11 @@ A slip in the last of eight values thus does not surface after seven trainings, 
 its folders alone, whichever of Hydra's launchers runs it.
 """
 
+import contextlib
 import hashlib
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,9 @@ import hydra
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
+from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 from pydantic import BaseModel
 
 from posture import run_dir
@@ -62,7 +65,7 @@ def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
         return Command(list(argv), [], None)  # --help, --cfg and the like run no job
     given = [argument for argument in argv if not argument.startswith("-")]
     parser = OverridesParser.create()
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+    with _input(), hydra.initialize_config_dir(str(CONF), version_base="1.3"):
         if not flags:
             return Command(list(argv), [Job(_checked(kind, _composed(name, given)), Path())], None)
         parsed = parser.parse_overrides(given)
@@ -128,11 +131,19 @@ OmegaConf.register_new_resolver("posture.sweep_folder", sweep_folder, use_cache=
 OmegaConf.register_new_resolver("posture.job_folder", job_folder, replace=True)
 
 
-def _composed(name: str, overrides: list[str]) -> DictConfig:
+@contextlib.contextmanager
+def _input() -> Iterator[None]:
+    """Within it whatever Hydra raises is an answer to the user's input: it meets some of that with errors of Python."""
     try:
-        return hydra.compose(name, overrides, return_hydra_config=True)
-    except ValueError as error:  # what Hydra raises for a group that is given no name
-        raise ConfigError(str(error)) from None
+        yield
+    except (ConfigError, HydraException, OmegaConfBaseException):
+        raise
+    except Exception as error:
+        raise ConfigError(f"the command line cannot be read: {error}") from None
+
+
+def _composed(name: str, overrides: list[str]) -> DictConfig:
+    return hydra.compose(name, overrides, return_hydra_config=True)
 
 
 def _checked(kind: type[BaseModel], composed: DictConfig) -> BaseModel:
