@@ -5,9 +5,12 @@ its folders alone, whichever of Hydra's launchers runs it.
 """
 
 import contextlib
+import errno
 import hashlib
 import json
+import os
 import re
+import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +18,7 @@ from typing import Any
 
 import hydra
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from hydra.errors import HydraException
@@ -64,10 +68,14 @@ def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
     if flags - {"-m", "--multirun"}:
         return Command(list(argv), [], None)  # --help, --cfg and the like run no job
     given = [argument for argument in argv if not argument.startswith("-")]
-    parser = OverridesParser.create()
     with _input(), hydra.initialize_config_dir(str(CONF), version_base="1.3"):
         if not flags:
-            return Command(list(argv), [Job(_checked(kind, _composed(name, given)), Path())], None)
+            composed = _composed(name, given)
+            config = _checked(kind, composed)
+            if not Path(composed.hydra.run.dir).is_dir():  # an evaluation need not write where it is started
+                _check_folder(Path(composed.hydra.run.dir))
+            return Command(list(argv), [Job(config, Path())], None)
+        parser = OverridesParser.create(GlobalHydra.instance().config_loader())
         parsed = parser.parse_overrides(given)
         fixed = [override for override in parsed if not override.is_sweep_override()]
         whole = _composed(name, [_text(override) for override in fixed])
@@ -90,6 +98,7 @@ def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
             if getattr(config, "resume", None) is not None:
                 raise ConfigError("resume goes on with one run: not together with -m")
             jobs.append(Job(config, Path(composed.hydra.sweep.dir) / composed.hydra.sweep.subdir))
+        _check_folders(jobs, Path(str(whole.hydra.sweep.dir)))
         return Command([*argv, *more], jobs, str(whole.hydra.runtime.choices["hydra/launcher"]))
 
 
@@ -129,6 +138,34 @@ def identity(config: TrainConfig) -> str:
 OmegaConf.register_new_resolver("posture.run_folder", run_dir.folder_for, use_cache=True, replace=True)
 OmegaConf.register_new_resolver("posture.sweep_folder", sweep_folder, use_cache=True, replace=True)
 OmegaConf.register_new_resolver("posture.job_folder", job_folder, replace=True)
+
+
+def _check_folders(jobs: Sequence[Job], sweep: Path) -> None:
+    """Raise ConfigError unless every job has a folder of its own within that of the sweep, in which it can write."""
+    if not jobs:
+        raise ConfigError("the sweep is empty: a range or choice has no value in it")
+    seen: set[Path] = set()
+    for job in jobs:
+        if sweep.resolve() not in job.folder.resolve().parents:
+            raise ConfigError(
+                f"hydra.sweep.subdir: the job's folder {job.folder} does not lie within that of the sweep, {sweep}"
+            )
+        if job.folder.resolve() in seen:
+            raise ConfigError(f"two jobs of the sweep would have the folder {job.folder}: give each value once")
+        seen.add(job.folder.resolve())
+        _check_folder(job.folder)
+
+
+def _check_folder(folder: Path) -> None:
+    """Raise ConfigError where `folder` is not there and cannot be made, or where it cannot be written to; makes nothing."""
+    try:
+        near = next(place for place in (folder, *folder.absolute().parents) if place.exists() or place.is_symlink())
+        if not near.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+        with tempfile.TemporaryFile(dir=near):
+            pass
+    except OSError as error:
+        raise ConfigError(f"cannot write to the folder {folder}: {error.strerror}") from None
 
 
 @contextlib.contextmanager
