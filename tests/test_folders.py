@@ -11,7 +11,8 @@ import pytest
 import yaml
 
 from posture import run_dir
-from posture.config import ConfigError
+from posture.config import ConfigError, TrainConfig
+from posture.jobs import check
 from posture.lock import is_busy, locked
 from posture.sweep_run import guarded, status
 from tests.commands import TINY, call, refused, runs
@@ -159,9 +160,6 @@ def test_a_job_in_work_elsewhere_is_left_to_it(holder, capsys):
 
 def test_a_sweep_names_the_job_that_another_process_has(monkeypatch, capsys):
     sweep = ["-m", "experiment=energy", *QUICK, "env.energy_weight=0,5", "seed=1"]
-    from posture.config import TrainConfig
-    from posture.jobs import check
-
     first, second = (job.folder for job in check("train", TrainConfig, sweep).jobs)
     first.mkdir(parents=True)
     with (first / ".lock").open("ab") as file:
@@ -176,6 +174,18 @@ def test_a_sweep_names_the_job_that_another_process_has(monkeypatch, capsys):
     assert "2 of 2 jobs done, 1 of them before" in capsys.readouterr().out
 
 
+def test_ctrl_c_in_a_job_leaves_its_state_and_its_lock(tmp_path):
+    def interrupted():
+        raise KeyboardInterrupt
+
+    for before in ("done", "running"):
+        run_dir.write_yaml(tmp_path / before / "status.yaml", {"state": before})
+        with pytest.raises(KeyboardInterrupt):
+            guarded(interrupted, tmp_path / before, quiet=True)
+        assert status(tmp_path / before)["state"] == before and not is_busy(tmp_path / before)
+
+
+@pytest.mark.slow
 def test_an_interrupted_sweep_keeps_what_is_done():
     """Ctrl-C in the second of two jobs: the first stays done, and the same command does the second."""
     sweep = [sys.executable, "-m", "posture.train", "-m", "experiment=energy", *QUICK, "env.energy_weight=0,5", "seed=1"]
