@@ -8,6 +8,7 @@ of damage, not of who wrote a file; that nothing in one can execute code is torc
 import hashlib
 import io
 import stat
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,8 @@ def load(path: Path, device: str) -> dict[str, Any]:
     if comment != _LABEL + hashlib.sha256(body).hexdigest().encode():
         raise ConfigError(f"{path}: is damaged, its digest is of other bytes; {_ALLOWED}")
     try:
-        content = torch.load(io.BytesIO(whole), weights_only=True, map_location=device)
+        with warnings.catch_warnings(action="ignore"):  # a refusal is one line
+            content = torch.load(io.BytesIO(whole), weights_only=True, map_location=device)
     except Exception as error:  # torch raises whatever the bytes happen to provoke
         raise ConfigError(f"{path}: holds more than tensors and plain values ({type(error).__name__}); {_ALLOWED}") from None
     if not isinstance(content, dict):

@@ -83,6 +83,8 @@ def check_state(content: dict[str, Any], run: TrainConfig, file: Path) -> int:
         done, processes = content["iteration"], content["processes"]
         if type(done) is not int or done < 1:
             raise ValueError(f"iteration = {done!r:.50}, allowed is a whole number of at least 1")
+        if not isinstance(processes, list) or not processes:
+            raise ValueError("it has no processes")
         worlds = run.env.num_envs / len(processes)
         for process in processes:
             for where, name in (("env", "action"), ("env", "episode"), ("env", "freq"), ("logger", "cur_reward_sum")):
@@ -91,7 +93,7 @@ def check_state(content: dict[str, Any], run: TrainConfig, file: Path) -> int:
             if process["rng"].shape != torch.get_rng_state().shape:
                 raise ValueError("rng is not the state of a random number generator")
             float(process["logger"]["tot_time"])
-    except (KeyError, IndexError, AttributeError, RuntimeError, TypeError, ValueError, ZeroDivisionError) as error:
+    except (KeyError, IndexError, AttributeError, RuntimeError, TypeError, ValueError) as error:
         raise ConfigError(f"{file}: not the state of this run ({_short(error)})") from None
     return done
 
