@@ -73,7 +73,7 @@ TAMPERED = {
     "environment variable as a number": put("env.hip_k", "${oc.env:CANARY}"),
     "environment variable in a table": put("paper.table_3.mode", ["${oc.env:CANARY}"]),
     "environment variable within text": put("resume", "runs/${oc.env:CANARY}/x"),
-    "environment variable as a key": put("paper.${oc.env:CANARY}", 1),
+    "environment variable as a key": put("env.reward", {"${oc.env:CANARY}": 1.0}),
     "nested": put("resume", "${oc.decode:${oc.env:CANARY}}"),
     "decoded": put("env.freq", "${oc.decode:'[0.1,1.0]'}"),
     "other key": put("env.hip_k", "${env.ankle_k}"),
@@ -92,7 +92,7 @@ TEXTS = {
     "alias": "a: &a [1]\nb: [*a]",
     "endless": "a: &a\n  b: *a",
     "laughs": "a: &a [x,x]\nb: &b [*a,*a]\nc: [*b,*b]",
-    "deep": "[" * 5000,
+    "deep": "[" * 1500,
     "no date": "env: 2020-13-45",
     "long number": "seed: " + "9" * 5000,
     "unclosed": "env: {freq: [1",
@@ -105,6 +105,7 @@ TEXTS = {
 
 
 def tell(monkeypatch, capsys, command):
+    """The line that the command ends with, having left no trace."""
     before = sorted(os.listdir("run"))
     line = refused(monkeypatch, capsys, *COMMANDS[command])
     assert "config.yaml: " in line and SECRET not in line
@@ -112,27 +113,49 @@ def tell(monkeypatch, capsys, command):
     return line
 
 
-@pytest.mark.parametrize("name", TAMPERED)
-def test_a_tampered_configuration(run, monkeypatch, capsys, name):
+def tamper(run, name):
     values = yaml.safe_load((run / "config.yaml").read_text())
     TAMPERED[name](values)
     (run / "config.yaml").write_text(yaml.safe_dump(values))
-    for command in COMMANDS if name in ("target", "class of the actor", "environment variable", "resolver") else ("eval",):
-        tell(monkeypatch, capsys, command)
+
+
+def refuse(run):
+    """What both commands begin with."""
     with pytest.raises(ConfigError) as refusal:
         read_config(run)
-    assert SECRET not in str(refusal.value) and not os.path.exists("canary")
+    line = str(refusal.value)
+    assert "config.yaml: " in line and "\n" not in line and SECRET not in line and not os.path.exists("canary")
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("name", ["target", "class of the actor", "environment variable", "nested", "resolver", "defaults"])
+def test_a_tampered_configuration_ends_the_command(run, monkeypatch, capsys, command, name):
+    tamper(run, name)
+    tell(monkeypatch, capsys, command)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("name", ["call", "laughs"])
+def test_a_file_that_is_no_plain_configuration_ends_the_command(run, monkeypatch, capsys, command, name):
+    (run / "config.yaml").write_text(TEXTS[name])
+    tell(monkeypatch, capsys, command)
+
+
+@pytest.mark.parametrize("name", TAMPERED)
+def test_a_tampered_configuration(run, name):
+    tamper(run, name)
+    refuse(run)
 
 
 @pytest.mark.parametrize("name", TEXTS)
-def test_a_file_that_is_no_plain_configuration(run, monkeypatch, capsys, name):
+def test_a_file_that_is_no_plain_configuration(run, name):
     (run / "config.yaml").write_text(TEXTS[name])
-    tell(monkeypatch, capsys, "resume" if name == "call" else "eval")
+    refuse(run)
 
 
-def test_bytes_that_are_no_text(run, monkeypatch, capsys):
+def test_bytes_that_are_no_text(run):
     (run / "config.yaml").write_bytes(b"env: \xff\xfe")
-    assert "cannot be read" in tell(monkeypatch, capsys, "eval")
+    refuse(run)
 
 
 def test_the_traps_work_where_they_are_let(run, tmp_path):
