@@ -1,5 +1,7 @@
-"""A run whose files are damaged, foreign or another's: one line and exit code 2 before physics is built, of `posture.eval` and
-of `posture.train resume=`."""
+"""A run whose files are damaged, foreign or another's: one line and exit code 2, before physics is built.
+
+For `posture.eval` and for `posture.train resume=`.
+"""
 
 import os
 import shutil
