@@ -194,10 +194,13 @@ class SpatialSimulation:
         """See `Simulation`."""
         if not bool(self._dropped.any()):
             return
-        solver = self.config.solver
+        # What the solver has room for; it makes room for the start pose whatever was asked.
         most = {
-            "constraint_rows": (solver.constraint_rows, int(self._most_rows.max())),
-            "contacts": (solver.contacts, math.ceil(int(self._most_contacts.max()) / self.num_worlds)),
+            "constraint_rows": (self._data.njmax, int(self._most_rows.max())),
+            "contacts": (
+                self._data.naconmax // self.num_worlds,
+                math.ceil(int(self._most_contacts.max()) / self.num_worlds),
+            ),
         }
         short = [f"env.solver.{key} = {has}, needed at least {need}" for key, (has, need) in most.items() if need > has]
         count = int((self._dropped != 0).sum())
