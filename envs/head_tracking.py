@@ -71,7 +71,12 @@ class HeadTrackingEnv(VecEnv):
         self._read()
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:
-        """One control step of every world; worlds whose episode ends are reset and return the new episode's observation."""
+        """One control step of every world; worlds whose episode ends are reset and return the new episode's observation.
+
+        A world that diverges (an action that is NaN, physics that explodes) ends early in that step. Reward and log are
+        then those of the state before it, so all that is returned is finite. `log` holds means over the worlds, and in
+        /diverged the number of those worlds.
+        """
         # 1. Act: one command for the left and the right joint of a kind.
         command = actions.clamp(-1.0, 1.0)
         self.action[:, HIPS] = command[:, 0:1]
@@ -79,6 +84,8 @@ class HeadTrackingEnv(VecEnv):
 
         # 2. Physics.
         self.sim.step(self.config.torque_limit * self.action)
+        # A world with such a command has diverged, and a torque that is no number was never applied.
+        self.action.nan_to_num_(nan=0.0)
         self.steps += 1
         self.episode_length_buf += 1
         if self.steps % CHECK_CAPACITY_EVERY == 0:
@@ -98,6 +105,7 @@ class HeadTrackingEnv(VecEnv):
             "/tracking_error_mm": 1e3 * (self.target_x - self.head_x).abs().mean(),
             "/cost": (self.action**2).sum(-1).mean(),
             "/ended": ended.float().mean(),
+            "/diverged": self.sim.diverged.float().sum(),
         }
 
         # 6. New episodes.

@@ -13,7 +13,7 @@ import torch
 
 from envs.body import ANKLES, BODIES, FEET, HIPS, JOINTS, MJCF, build_model, geometry
 from envs.config import EnvConfig
-from envs.simulation import ConstraintOverflowError, check_subject
+from envs.simulation import ConstraintOverflowError, check_subject, top_speed
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 """All that mj_step depends on, qacc_warmstart included."""
@@ -52,6 +52,7 @@ class MujocoCSimulation:
         unloaded = config.model_copy(update={"load": 0.0})
         made = [build(unloaded) for _ in range(num_worlds)]
         self._models, self._data = [model for model, _ in made], [data for _, data in made]
+        self._top_speed = top_speed(config)
         self._find_places()
         self._allocate()
         self.set_subject(
@@ -74,9 +75,10 @@ class MujocoCSimulation:
                 mujoco.mj_step(model, data, self.config.solver.substeps)
                 warned = data.warning.number
                 self._dropped[world] |= bool(warned[_FULL].any())
-                self._diverged[world] = bool(warned[_BAD].any())
+                # MuJoCo itself calls only what is not finite, or above 1e10, bad.
+                self._diverged[world] = bool(warned[_BAD].any() or not np.abs(data.qvel).max() < self._top_speed)
                 if self._diverged[world]:
-                    # MuJoCo has stood the world upright again as if nothing had been: take it back to before the step.
+                    # MuJoCo may have stood the world upright again as if nothing had been: take it back to before the step.
                     mujoco.mj_resetData(model, data)
                     mujoco.mj_setState(model, data, before, _STATE)
                     continue

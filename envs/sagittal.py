@@ -13,7 +13,7 @@ from envs.config import EnvConfig
 from envs.sagittal_contact import Softness, vec5
 from envs.sagittal_kernel import Body, advance, place
 from envs.segments import Segments, segments
-from envs.simulation import check_subject
+from envs.simulation import check_subject, top_speed
 
 _SHOWN = (wp.float32, wp.float32, wp.transform, wp.spatial_vector)
 """Types that the kernel gives to joint angles and velocities, poses and velocities of bodies."""
@@ -128,6 +128,7 @@ class SagittalSimulation:
                 config.solver.substeps,
                 config.control_dt / config.solver.substeps,
                 config.solver.iterations,
+                top_speed(config),
                 self._body,
                 wp.from_torch(self._torque),
                 *(wp.from_torch(getattr(self, name)) for name in seen),

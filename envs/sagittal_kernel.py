@@ -52,9 +52,6 @@ from envs.sagittal_contact import (
     vec6,
 )
 
-MAX_SPEED = wp.constant(1.0e4)
-"""A world whose speed [m/s] or [rad/s] exceeds this has diverged."""
-
 
 @wp.struct
 class Body:
@@ -165,6 +162,7 @@ def advance(
     substeps: int,
     dt: float,
     iterations: int,
+    top_speed: float,
     body: Body,
     torque: wp.array2d[float],
     hip_k: wp.array[float],
@@ -185,6 +183,7 @@ def advance(
 ) -> None:
     """`substeps` steps of `dt` [s] for each world; torque (N, 4), each side's actuator torques [Nm].
 
+    top_speed: at it [m/s], [rad/s] a world has diverged.
     inv_weight: MuJoCo's body_invweight0 of a foot [1/kg], dof_invweight0 of hip and ankle [1/(kg m2)].
     """
     world = wp.tid()
@@ -337,7 +336,7 @@ def advance(
         at += dt * speed
 
     # A diverged world is marked, and its memory left as it was before the step.
-    sound = wp.max(wp.abs(speed)) < MAX_SPEED and wp.isfinite(speed) and wp.isfinite(at)
+    sound = wp.max(wp.abs(speed)) < top_speed and wp.isfinite(speed) and wp.isfinite(at)
     diverged[world] = not sound
     if not sound:
         return

@@ -1,5 +1,6 @@
 """What every physics engine offers to the task, and the choice between them."""
 
+import math
 from typing import Protocol
 
 import torch
@@ -42,7 +43,10 @@ class Simulation(Protocol):
 
     @property
     def diverged(self) -> torch.Tensor:
-        """(N,) bool, worlds whose last step did not come to finite values; they need a reset."""
+        """(N,) bool, worlds whose last step did not come to finite values below `top_speed`; they need a reset.
+
+        All that is shown of such a world is what it was before that step, so it is finite.
+        """
 
     def step(self, torque: torch.Tensor) -> None:
         """Advance every world by one control step under constant actuator torques, shape (N, 4) [Nm]."""
@@ -66,7 +70,8 @@ class Simulation(Protocol):
         """
 
     def check_capacity(self) -> None:
-        """Raise `ConstraintOverflowError` if contacts or constraint rows were dropped in any step so far."""
+        """Raise `ConstraintOverflowError`, which names the size needed, if contacts or constraint rows were dropped in any
+        step so far."""
 
     def state_dict(self) -> dict[str, torch.Tensor]:
         """All that the next step depends on, warm start and sensor readings included, as copies."""
@@ -92,6 +97,15 @@ def simulate(config: EnvConfig, num_worlds: int, device: str) -> Simulation:
     from envs.spatial import SpatialSimulation
 
     return SpatialSimulation(config, num_worlds, device)
+
+
+def top_speed(config: EnvConfig) -> float:
+    """The speed [m/s], [rad/s] of body or joint at which a world has diverged: half a turn in one physics step.
+
+    Beyond it the sense of a rotation can no longer be told from one step to the next, so the steps are no motion. The
+    same number bounds metres per second, at which a point one metre, about a segment's length, from the axis moves then.
+    """
+    return math.pi * config.solver.substeps / config.control_dt
 
 
 def check_subject(num_worlds: int, **values: torch.Tensor | None) -> None:

@@ -4,6 +4,7 @@ The state is Newton's own memory, seen through named torch views without a copy:
 solver steps from.
 """
 
+import math
 from typing import Any
 
 import mujoco_warp
@@ -15,7 +16,7 @@ from newton.solvers import SolverMuJoCo
 
 from envs.body import BODIES, FEET, JOINTS, build_model, geometry
 from envs.config import EnvConfig
-from envs.simulation import ConstraintOverflowError, check_subject
+from envs.simulation import ConstraintOverflowError, check_subject, top_speed
 
 _ROOT_Q, _ROOT_QD = 7, 6
 """Coordinates and velocities of the free root joint ahead of the hinges."""
@@ -24,10 +25,24 @@ _DROPPED = int(OverflowType.NEFC | OverflowType.NJMAX_NNZ | OverflowType.BROADPH
 
 
 @wp.kernel
-def _note_dropped(overflow: wp.array[wp.int32], mask: int, dropped: wp.array[wp.int32]) -> None:
-    """Remember what a substep had to drop; the solver itself forgets it at the next."""
+def _note_dropped(
+    overflow: wp.array[wp.int32],
+    mask: int,
+    num_rows: wp.array[wp.int32],
+    num_pairs: wp.array[wp.int32],
+    num_contacts: wp.array[wp.int32],
+    dropped: wp.array[wp.int32],
+    most_rows: wp.array[wp.int32],
+    most_contacts: wp.array[wp.int32],
+) -> None:
+    """Remember what a substep had to drop, and the most it asked for; the solver itself forgets it at the next.
+
+    MuJoCo Warp counts on where it stores no more. Contacts, and the pairs of geoms before them, are those of all worlds.
+    """
     world = wp.tid()
     dropped[world] = dropped[world] | (overflow[world] & mask)
+    most_rows[world] = wp.max(most_rows[world], num_rows[world])
+    most_contacts[world] = wp.max(most_contacts[world], wp.max(num_pairs[0], num_contacts[0]))
 
 
 @wp.kernel
@@ -95,6 +110,9 @@ class SpatialSimulation:
         newton.eval_fk(self.model, self._state.joint_q, self._state.joint_qd, self._state)
         self._make_views()
         self._make_sole_sensor()
+        places = (self._joint_q, self._joint_qd, self.body_pose, self.body_velocity)
+        self._shown = (*places, self.joint_force, self.sole_force, self.sole_position)
+        self._top_speed = top_speed(config)
         self._nominal_mass = self._per_world(self.model.body_mass).clone()
         self.hip_k = torch.full((num_worlds,), config.hip_k, device=self.device)
         self.ankle_k = torch.full((num_worlds,), config.ankle_k, device=self.device)
@@ -107,6 +125,15 @@ class SpatialSimulation:
 
     def step(self, torque: torch.Tensor) -> None:
         """See `Simulation`."""
+        before = [shown.clone() for shown in self._shown]
+        self._launch(torque)
+        speed, place = self._joint_qd, self._joint_q
+        self._diverged.copy_(~((speed.abs() < self._top_speed).all(-1) & place.isfinite().all(-1)))
+        for shown, kept in zip(self._shown, before, strict=True):
+            shown.copy_(torch.where(self._diverged.view(-1, *[1] * (shown.dim() - 1)), kept, shown))
+
+    def _launch(self, torque: torch.Tensor) -> None:
+        """The control step itself, on a GPU as a graph that the first call captures."""
         self._actuator_torque.copy_(torque)
         if self.device.type == "cpu":
             self._advance()
@@ -131,6 +158,7 @@ class SpatialSimulation:
         newton.eval_fk(self.model, self._state.joint_q, self._state.joint_qd, self._state, mask=self._reset_articulations)
         for sensor in (self.sole_force, self.sole_position, self.joint_force):
             sensor[mask] = 0.0
+        self._diverged[mask] = False
 
     def set_subject(
         self,
@@ -159,17 +187,24 @@ class SpatialSimulation:
 
     @property
     def diverged(self) -> torch.Tensor:
-        """See `Simulation`."""
-        return ~self.joint_velocity.isfinite().all(-1)
+        """See `Simulation`. What the solver carries inside may be NaN: only a reset heals such a world."""
+        return self._diverged
 
     def check_capacity(self) -> None:
         """See `Simulation`."""
-        if bool(self._dropped.any()):
-            raise ConstraintOverflowError(
-                f"{int((self._dropped != 0).sum())} worlds needed more than {self.config.solver.constraint_rows} "
-                f"constraint rows or {self.config.solver.contacts} contacts: raise env.solver.constraint_rows or "
-                "env.solver.contacts"
-            )
+        if not bool(self._dropped.any()):
+            return
+        # What the solver has room for; it makes room for the start pose whatever was asked.
+        most = {
+            "constraint_rows": (self._data.njmax, int(self._most_rows.max())),
+            "contacts": (
+                self._data.naconmax // self.num_worlds,
+                math.ceil(int(self._most_contacts.max()) / self.num_worlds),
+            ),
+        }
+        short = [f"env.solver.{key} = {has}, needed at least {need}" for key, (has, need) in most.items() if need > has]
+        count = int((self._dropped != 0).sum())
+        raise ConstraintOverflowError(f"contacts or constraints were dropped in {count} worlds: {'; '.join(short)}")
 
     def state_dict(self) -> dict[str, torch.Tensor]:
         """See `Simulation`."""
@@ -183,6 +218,8 @@ class SpatialSimulation:
             if name not in subject:
                 tensor.copy_(state[name])
         newton.eval_fk(self.model, self._state.joint_q, self._state.joint_qd, self._state)
+        # The step that a world diverged in left its mark in what the solver would start from.
+        self._diverged.copy_(~self._warmstart.isfinite().all(-1))
 
     # -- inside ------------------------------------------------------------------------------------------------------
 
@@ -195,8 +232,8 @@ class SpatialSimulation:
                 wp.launch(
                     _note_dropped,
                     dim=self.num_worlds,
-                    inputs=[self._data.overflow, _DROPPED],
-                    outputs=[self._dropped_wp],
+                    inputs=[self._data.overflow, _DROPPED, self._data.nefc, self._data.ncollision, self._data.nacon],
+                    outputs=[self._dropped_wp, self._most_rows_wp, self._most_contacts_wp],
                 )
             self._read_sensors()
 
@@ -246,6 +283,9 @@ class SpatialSimulation:
         self._warmstart = wp.to_torch(self._data.qacc_warmstart)
         self._dropped_wp = wp.zeros(self.num_worlds, dtype=wp.int32, device=self.model.device)
         self._dropped = wp.to_torch(self._dropped_wp)
+        self._most_rows_wp, self._most_contacts_wp = wp.zeros_like(self._dropped_wp), wp.zeros_like(self._dropped_wp)
+        self._most_rows, self._most_contacts = wp.to_torch(self._most_rows_wp), wp.to_torch(self._most_contacts_wp)
+        self._diverged = torch.zeros(self.num_worlds, dtype=torch.bool, device=self.device)
         self._joint_force_wp = wp.zeros((self.num_worlds, len(JOINTS)), dtype=float, device=self.model.device)
         self.joint_force = wp.to_torch(self._joint_force_wp)
         # Newton's mask has one place more than there are worlds, for what belongs to none.
