@@ -20,7 +20,9 @@ from posture.film_config import FilmConfig
 
 
 def film(config: FilmConfig, _: Path) -> None:
-    """Roll out the policy and write the films: `side_by_side` of steady motion, and `ramp`. Prints each with its size."""
+    """Roll out the policy and write the films: `side_by_side` of steady motion, `phases` of a cycle, and `ramp`.
+
+    Prints each file with its size."""
     models = run_dir.find_checkpoints(config.ckpt)
     if len(models) > 1:
         raise ConfigError(f"ckpt: {config.ckpt} holds {len(models)} policies; a film shows one, for example {models[0]}")
@@ -31,6 +33,7 @@ def film(config: FilmConfig, _: Path) -> None:
     # Only now, so that bad input is answered before physics takes seconds to import.
     from envs.head_tracking import HeadTrackingEnv
     from posture.evaluation import load_policy, trial_config
+    from posture.film_phases import Phases
     from posture.film_scene import Rise, Scene, SideBySide
     from posture.film_take import take
     from posture.film_writer import write
@@ -80,6 +83,23 @@ def film(config: FilmConfig, _: Path) -> None:
         for world, freq in enumerate(config.env.freq)
     ]
     written(SideBySide(takes, target_height, amplitude, config.height), "side_by_side", began)
+
+    began = time.perf_counter()
+    moving = max(4, round(config.phases.cycle * config.fps))
+    phase = np.arange(moving + 1) / moving
+    takes = [
+        take(
+            trajectory,
+            world,
+            np.full(moving + 1, freq),
+            (math.ceil(start * freq - 1e-9) + phase) / freq,
+            steps[world],
+            still,
+        )
+        for world, freq in enumerate(config.env.freq)
+    ]
+    hold = round(config.phases.hold * config.fps)
+    written(Phases(takes, target_height, amplitude, config.height, moving, hold), "phases", began)
 
     ramp = config.env.ramp
     if ramp is not None:

@@ -24,6 +24,13 @@ class FilmEnv(EnvChanges):
         return EnvChanges(**(self.model_dump(exclude={"freq"}) | {"ramp": None}))
 
 
+class PhasesConfig(Strict):
+    """Seconds of film for one cycle, slowed down or sped up, and for its last picture."""
+
+    cycle: Annotated[float, Field(ge=0.1, le=60)]
+    hold: Annotated[float, Field(ge=0, le=60)]
+
+
 class FilmConfig(Strict):
     """Everything that `posture.film` is told."""
 
@@ -34,6 +41,7 @@ class FilmConfig(Strict):
     height: Annotated[int, Field(ge=96, le=2160, multiple_of=2)]
     shortest: Positive
     longest: Positive
+    phases: PhasesConfig
     env: FilmEnv
     evaluation: EvaluationConfig
     paper: dict[str, Any]

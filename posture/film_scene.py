@@ -20,7 +20,7 @@ from posture.coordination import mode
 from posture.figures import ANKLE_COLOUR, FALL_COLOUR, GREY, HIP_COLOUR, MODE_COLOUR
 from posture.film_take import Take
 from posture.film_writer import Frame
-from posture.report.silhouette import TARGET_COLOUR, draw_body, draw_ground, draw_target, head_position, move_body
+from posture.report.silhouette import draw_body, draw_ground, draw_target, head_position, move_body
 from posture.trajectory import Array
 
 HEIGHT_IN = 4.8  # of the figure [inch]; with its pixels this fixes the resolution, and so the size of the letters
@@ -75,7 +75,8 @@ class Stage:
         ax.set(xlim=(BEHIND, AHEAD), ylim=(-0.05, target_height + 0.06))
         self.clock = ax.figure.text(0, 0, "", fontsize=SMALL, ha="center", va="top")
         self.verdict = ax.figure.text(0, 0, "", fontsize=FONT, fontweight="bold", ha="center", va="top")
-        self.moving: list[Artist] = [*self.body, self.thread, self.target, self.head, self.clock, self.verdict]
+        self.picture: list[Artist] = [*self.body, self.thread, self.target, self.head]
+        self.moving: list[Artist] = [*self.picture, self.clock, self.verdict]
 
     def show(self, frame: int) -> None:
         """Move everything to a frame of the take; the body stays where it fell."""
@@ -88,7 +89,7 @@ class Stage:
             x, z = head_position(hip, ankle, foot)
             self.head.set_data([x], [z])
             self.thread.set_data(2 * [take.target_x[frame]], [z, self.target_height])
-        self.verdict.set_text(_verdict(float(take.r[frame])) if stands else "fallen")
+        self.verdict.set_text(verdict(float(take.r[frame])) if stands else "fallen")
         self.verdict.set_color(MODE_COLOUR[mode(float(take.r[frame]))] if stands else FALL_COLOUR)
 
 
@@ -131,10 +132,10 @@ class SideBySide(Scene):
         ax.axhline(0, color=GREY, lw=0.6)
         ax.set(xlim=(0, period), ylim=(-span, span), xticks=[0, period / 2, period])
         ax.set_xticklabels(["0", f"{period / 2:.2g}", f"{period:.2g} s"], fontsize=SMALL)
+        ax.get_xticklabels()[-1].set_ha("right")
         _plain(ax)
         if first:
-            ax.set_ylabel("deg", fontsize=SMALL, labelpad=0)
-            for (name, _, colour, _), x in zip(_joints(take), (0.02, 0.32), strict=True):
+            for (name, _, colour, _), x in zip(_joints(take), (0.02, 0.2), strict=True):
                 ax.text(x, 1.0, name, color=colour, fontsize=SMALL, fontweight="bold", transform=ax.transAxes, va="bottom")
         hip, ankle = (ax.plot([0], [0], "o", color=c, mec="black", ms=8)[0] for c in (HIP_COLOUR, ANKLE_COLOUR))
         return hip, ankle
@@ -149,8 +150,7 @@ class Rise(Scene):
         self.stage = Stage(self.figure.add_axes((0.0, 0.35, 0.52, 0.63)), take, target_height, amplitude)
         self.frequency = self.figure.text(0.75, 0.86, "", fontsize=2 * SMALL, ha="center", va="top")
         self.stage.verdict.set_position((0.75, 0.74))
-        self.stage.verdict.set_fontsize(FONT + 3)
-        self.stage.clock.set(position=(0.75, 0.63), fontsize=FONT)
+        self.stage.clock.set(position=(0.75, 0.65), fontsize=FONT)
         ax = self.figure.add_axes((0.10, 0.13, 0.86, 0.17))
         ax.axhline(0, color=GREY, lw=0.8)
         ax.set(xlim=(take.time[0], take.time[-1]), ylim=(-1.08, 1.08), yticks=[-1, 0, 1])
@@ -176,7 +176,7 @@ class Rise(Scene):
 
 
 def _joints(take: Take) -> tuple[tuple[str, Array, str, str], ...]:
-    return ("hip", take.hip, HIP_COLOUR, "-"), ("ankle", take.ankle, ANKLE_COLOUR, "--")
+    return ("hip", take.hip, HIP_COLOUR, "-"), ("ankle [deg]", take.ankle, ANKLE_COLOUR, "--")
 
 
 def _swing(angle: Array) -> Array:
@@ -184,8 +184,13 @@ def _swing(angle: Array) -> Array:
     return np.degrees(angle - np.nanmean(angle))
 
 
-def _verdict(r: float) -> str:
-    return "" if math.isnan(r) else f"{mode(r)} (r = {r:.2f})"
+def verdict(r: float) -> str:
+    """The mode in words, with the correlation; empty where that is nan."""
+    return (
+        ""
+        if math.isnan(r)
+        else f"{mode(r)} (r = {r:.2f})".replace("-0.", "\N{MINUS SIGN}0.").replace("-1.", "\N{MINUS SIGN}1.")
+    )
 
 
 def _plain(ax: Axes) -> None:

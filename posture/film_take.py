@@ -33,9 +33,7 @@ class Take:
         return float(self.head_x[frame]) - upright
 
 
-def take(
-    trajectory: Trajectory, world: int, freq: Array, instants: Array, window_steps: int, still_rad: float
-) -> Take:
+def take(trajectory: Trajectory, world: int, freq: Array, instants: Array, window_steps: int, still_rad: float) -> Take:
     """World number `world` of `trajectory` at `instants` (F,) [s], linear between control steps.
 
     `freq` (F,) [Hz]. The correlation is over `window_steps` control steps; `still_rad` as in `window_correlation`.

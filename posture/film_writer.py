@@ -13,7 +13,7 @@ from posture.atomic import replacing
 
 Frame = NDArray[np.uint8]  # (height, width, 3) red, green, blue
 
-COLOURS = 64  # of a GIF's palette, which all its frames share: what does not move then costs nothing
+COLOURS = 96  # of a GIF's palette, which all its frames share: what does not move then costs nothing
 PALETTE_FRAMES = 8  # spread over the film, whose colours make the palette
 QUALITY = "23"  # H.264's constant rate factor: lower is larger
 
@@ -46,7 +46,11 @@ def write(frames: Iterator[Frame], count: int, fps: int, mp4: Path, gif: Path) -
                 pictures.append(Image.fromarray(frame))
                 if number in chosen:
                     samples.append(frame)
-        palette = Image.fromarray(np.concatenate(samples)).quantize(COLOURS, dither=Image.Dither.NONE)
+        palette = Image.fromarray(np.concatenate(samples)).quantize(
+            COLOURS,
+            method=Image.Quantize.MAXCOVERAGE,
+            dither=Image.Dither.NONE,  # so that small coloured dots keep theirs
+        )
         # Without dithering, whose noise would change from frame to frame.
         reduced = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
         duration = 1000 // fps  # [ms] a frame
