@@ -96,7 +96,7 @@ def film(config: FilmConfig, _: Path) -> None:
             steps[world],
             still,
         )
-        for world, freq in enumerate(config.env.freq)
+        for world, (freq, first) in enumerate((freq, math.ceil(start * freq - 1e-9)) for freq in config.env.freq)
     ]
     hold = round(config.phases.hold * config.fps)
     written(Phases(takes, target_height, amplitude, config.height, moving, hold), "phases", began)

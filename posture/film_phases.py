@@ -1,4 +1,4 @@
-"""The phases of a cycle side by side, as in paper Fig. 2: a row a frequency, each body moves for a quarter and stays there."""
+"""The phases of a cycle side by side (paper Fig. 2): a row a frequency; each body moves for a quarter and stays there."""
 
 from collections.abc import Sequence
 
