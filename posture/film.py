@@ -87,17 +87,10 @@ def film(config: FilmConfig, _: Path) -> None:
     began = time.perf_counter()
     moving = max(4, round(config.phases.cycle * config.fps))
     phase = np.arange(moving + 1) / moving
-    takes = [
-        take(
-            trajectory,
-            world,
-            np.full(moving + 1, freq),
-            (math.ceil(start * freq - 1e-9) + phase) / freq,
-            steps[world],
-            still,
-        )
-        for world, (freq, first) in enumerate((freq, math.ceil(start * freq - 1e-9)) for freq in config.env.freq)
-    ]
+    takes = []
+    for world, freq in enumerate(config.env.freq):
+        cycle = (math.ceil(start * freq - 1e-9) + phase) / freq  # the first that begins after the transient
+        takes.append(take(trajectory, world, np.full(len(cycle), freq), cycle, steps[world], still))
     hold = round(config.phases.hold * config.fps)
     written(Phases(takes, target_height, amplitude, config.height, moving, hold), "phases", began)
 

@@ -116,7 +116,7 @@ def test_the_picture_shows_the_trajectory():
 
 
 def test_a_fall_is_told():
-    hip = np.array([0.0, np.nan, np.nan])
+    hip = np.array([0.0, -0.1, np.nan])
     scene = SideBySide([by_angles(hip, hip, hip)], 1.7, 0.1, 96)
     list(scene.frames())
     assert scene.stages[0].verdict.get_text() == "fallen"
