@@ -22,7 +22,7 @@ import mujoco
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
-from matplotlib.patches import Circle, PathPatch
+from matplotlib.patches import Circle, Patch, PathPatch
 from matplotlib.path import Path as Outline
 from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull
@@ -32,6 +32,7 @@ from posture.trajectory import Array
 BODY_COLOUR, TARGET_COLOUR, GROUND_COLOUR = "#4F7CAC", "#E69F00", "#555555"
 HIP_COLOUR, ANKLE_COLOUR = "#CC79A7", "#009E73"  # those of the joints in every figure
 DOT_RADIUS, TARGET_RADIUS = 0.018, 0.03  # of the marks, not of the body [m]
+PALENESS = (0.45, 0.65, 0.0, 0.2)  # of trunk, head, leg with foot, and arm: the share of white
 NECK_WIDTH = 0.6  # as a share of the shoulders' radius
 
 NEAR = "_right"
@@ -91,28 +92,33 @@ def draw_body(
     shift: float = 0.0,
     alpha: float = 1.0,
     colour: str = BODY_COLOUR,
-) -> None:
+) -> list[Patch]:
     """Draw the stander at `hip` and `ankle` angle [rad], its two joints as dots; the aspect of `ax` becomes equal.
 
     `shift` [m] moves the drawing along x and nothing else. From back to front: trunk and head, leg, arm, as seen from
-    the right. `alpha` below 1 suits several bodies in one place.
+    the right. `alpha` below 1 suits several bodies in one place. Returns what was drawn, for `move_body`.
     """
-    parts = {part: list(found.values()) for part, found in solids(hip, ankle, foot_x).items()}
-    joints = joint_positions(hip, ankle, foot_x)
-    layers: tuple[tuple[list[Solid], list[Solid], float], ...] = (
-        (parts["trunk"], _trunk_links(parts), 0.45),
-        (parts["head"], [], 0.65),
-        (parts["foot"] + parts["leg"], _ankle_links(parts, joints[1]), 0.0),
-        (parts["arm"], [], 0.2),
-    )
-    for found, links, paleness in layers:
-        style = {"alpha": alpha, "zorder": 2}
-        # One path a layer: where its solids overlap it is filled once, so that a low alpha does not show the overlap.
-        ax.add_patch(PathPatch(_outline([*found, *links], shift), fc=_mixed(colour, "white", paleness), ec="none", **style))
-        ax.add_patch(PathPatch(_outline(found, shift), fc="none", ec=_mixed(colour, "black", 0.5), lw=0.6, **style))
-    for (x, z), dot in zip(joints, (HIP_COLOUR, ANKLE_COLOUR), strict=True):
-        ax.add_patch(Circle((x + shift, z), DOT_RADIUS, facecolor=dot, edgecolor="white", lw=0.7, alpha=alpha, zorder=2))
+    style = {"alpha": alpha, "zorder": 2}
+    patches: list[Patch] = []
+    # One path a layer: where its solids overlap it is filled once, so that a low alpha does not show the overlap.
+    for (filled, edge), paleness in zip(_body_outlines(hip, ankle, foot_x, shift), PALENESS, strict=True):
+        patches.append(PathPatch(filled, fc=_mixed(colour, "white", paleness), ec="none", **style))
+        patches.append(PathPatch(edge, fc="none", ec=_mixed(colour, "black", 0.5), lw=0.6, **style))
+    for (x, z), dot in zip(joint_positions(hip, ankle, foot_x), (HIP_COLOUR, ANKLE_COLOUR), strict=True):
+        patches.append(Circle((x + shift, z), DOT_RADIUS, facecolor=dot, edgecolor="white", lw=0.7, **style))
+    for patch in patches:
+        ax.add_patch(patch)
     ax.set_aspect("equal")
+    return patches
+
+
+def move_body(patches: Sequence[Patch], hip: float, ankle: float, *, foot_x: float = 0.0, shift: float = 0.0) -> None:
+    """Bring a body that `draw_body` drew to other angles [rad] and another place [m]; cheaper than drawing it anew."""
+    paths = [path for layer in _body_outlines(hip, ankle, foot_x, shift) for path in layer]
+    for patch, path in zip(patches, paths, strict=False):
+        patch.set_path(path)
+    for dot, (x, z) in zip(patches[len(paths) :], joint_positions(hip, ankle, foot_x), strict=True):
+        dot.set_center((x + shift, z))
 
 
 def draw_ground(ax: Axes, left: float, right: float) -> None:
@@ -189,6 +195,19 @@ def _pose(hip: float, ankle: float, foot_x: float) -> Any:
     root[2] -= data.geom("sole" + NEAR).xpos[2] - model.geom("sole" + NEAR).size[0]
     mujoco.mj_kinematics(model, data)
     return data
+
+
+def _body_outlines(hip: float, ankle: float, foot_x: float, shift: float) -> list[tuple[Outline, Outline]]:
+    """Of each layer of the body, back to front, the outline to fill, which has no gaps, and that of its solids."""
+    parts = {part: list(found.values()) for part, found in solids(hip, ankle, foot_x).items()}
+    ankle_joint = joint_positions(hip, ankle, foot_x)[1]
+    layers: tuple[tuple[list[Solid], list[Solid]], ...] = (
+        (parts["trunk"], _trunk_links(parts)),
+        (parts["head"], []),
+        (parts["foot"] + parts["leg"], _ankle_links(parts, ankle_joint)),
+        (parts["arm"], []),
+    )
+    return [(_outline([*found, *links], shift), _outline(found, shift)) for found, links in layers]
 
 
 def _projection(geom: Any, placed: Any) -> Solid:
