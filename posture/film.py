@@ -32,11 +32,12 @@ def film(config: FilmConfig, _: Path) -> None:
     out = run_dir.writable(home)
     # Only now, so that bad input is answered before physics takes seconds to import.
     from envs.head_tracking import HeadTrackingEnv
-    from posture.evaluation import load_policy, trial_config
+    from posture.evaluation import trial_config
     from posture.film_phases import Phases
     from posture.film_scene import Rise, Scene, SideBySide
     from posture.film_take import take
     from posture.film_writer import write
+    from posture.policy import load_policy
     from posture.progress import preparing
     from posture.ramp import ramp_frequency
     from posture.rollout import rollout
@@ -51,7 +52,7 @@ def film(config: FilmConfig, _: Path) -> None:
         trial = trial_config(run.env, evaluation, changes, config.device)
         with preparing():
             env = HeadTrackingEnv(trial, run.seed, config.device)
-            policy = load_policy(content, env, run, model)
+            policy = load_policy(content, run, model, env.sim.device)
             env.warm_up()
         fixed = None if trial.ramp else torch.tensor(freq, dtype=torch.float64)
         return rollout(env, policy, fixed, duration), trial.amplitude
