@@ -4,8 +4,10 @@ from typing import Annotated, Any
 
 from pydantic import Field, field_validator, model_validator
 
-from envs.config import Freq, Positive, Strict
+from envs.config import Freq, Seconds, Strict
 from posture.config import EnvChanges, EvaluationConfig, check_engine
+from posture.path_text import PathText
+from posture.published import Paper
 
 
 class FilmEnv(EnvChanges):
@@ -34,17 +36,17 @@ class PhasesConfig(Strict):
 class FilmConfig(Strict):
     """Everything that `posture.film` is told."""
 
-    ckpt: str
+    ckpt: PathText
     device: str
-    out: str | None
+    out: PathText | None
     fps: Annotated[int, Field(ge=1, le=50)]
     height: Annotated[int, Field(ge=96, le=2160, multiple_of=2)]
-    shortest: Positive
-    longest: Positive
+    shortest: Seconds
+    longest: Seconds
     phases: PhasesConfig
     env: FilmEnv
     evaluation: EvaluationConfig
-    paper: dict[str, Any]
+    paper: Paper
 
     @model_validator(mode="after")
     def _consistent(self) -> "FilmConfig":
