@@ -9,7 +9,7 @@ STAMP := .venv/.installed
 .DEFAULT_GOAL := help
 ARGUMENTS = $(if $(seeds),seeds=$(seeds)) $(ARGS)
 
-.PHONY: help setup train eval theory reproduce benchmark test test-slow lint types check clean
+.PHONY: help setup play film train eval theory reproduce benchmark test test-slow lint types check clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -24,6 +24,12 @@ $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev]'
 	@touch $@
+
+play: setup ## a trained stander live in the browser; Hydra overrides in ARGS
+	$(BIN)/python -m posture.play $(ARGS)
+
+film: setup ## films of a policy, MP4 and GIF; Hydra overrides in ARGS
+	$(BIN)/python -m posture.film $(ARGS)
 
 train: setup ## train and evaluate a policy; Hydra overrides in ARGS
 	$(BIN)/python -m posture.train $(ARGS)
