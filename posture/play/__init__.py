@@ -1,0 +1,24 @@
+"""A page on this machine where one plays with a stander, live: sliders for frequency, stiffness, load; a push; the mode by eye.
+
+python -m posture.play                                   # the shipped policy; prints the address of the page
+python -m posture.play ckpt=runs/<run> port=8090
+python -m posture.play ckpt=lqr hip_k=60                 # the model-based controller
+python -m posture.play record=out.html                   # no page: one file that plays by itself, without Python
+"""
+
+from pathlib import Path
+
+from posture.play.config import PlayConfig
+
+
+def play(config: PlayConfig, _folder: Path) -> None:
+    """Serve the page until Ctrl-C, or write a recording."""
+    # Only now, so that bad input is answered before physics takes seconds to import.
+    if config.record is not None:
+        from posture.play.record import record
+
+        record(config, Path(config.record))
+        return
+    from posture.play.server import serve
+
+    serve(config)

@@ -1,0 +1,89 @@
+"""Configuration of the page; values, units and sources in conf/play.yaml."""
+
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from envs.config import Freq, NonNegative, Positive, Strict
+from posture.config import EvaluationConfig, LqrConfig, Share
+
+KNOBS = ("freq", "hip_k", "ankle_k", "load", "amplitude", "tolerance")
+
+
+class Sliders(Strict):
+    """[from, to, step] of each knob, in its unit."""
+
+    freq: tuple[Freq, Freq, Positive]
+    hip_k: tuple[NonNegative, NonNegative, Positive]
+    ankle_k: tuple[NonNegative, NonNegative, Positive]
+    load: tuple[NonNegative, NonNegative, Positive]
+    amplitude: tuple[Positive, Positive, Positive]
+    tolerance: tuple[Positive, Positive, Positive]
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "Sliders":
+        for name in KNOBS:
+            low, high, step = getattr(self, name)
+            if not low < high or step > high - low:
+                raise ValueError(f"sliders.{name}: goes from low to high in steps between, got {[low, high, step]}")
+        if not self.tolerance[1] < self.amplitude[0]:
+            raise ValueError(
+                f"sliders.tolerance: ends at {self.tolerance[1]:g} m, where to stand still is good enough; allowed is less than "
+                f"the least amplitude, {self.amplitude[0]:g} m"
+            )
+        return self
+
+
+class Push(Strict):
+    """A horizontal force [N], forward positive, on the HAT's centre of mass for `duration` [s]."""
+
+    force: float
+    duration: Annotated[float, Field(gt=0, le=5)]
+
+
+class Recording(Strict):
+    """A ramp `freq` from .. to [Hz], with `hold` [s] at either end."""
+
+    freq: tuple[Freq, Freq]
+    hold: Annotated[float, Field(ge=0, le=60)]
+
+
+class PlayConfig(Strict):
+    """Everything that `posture.play` is told."""
+
+    ckpt: str
+    port: Annotated[int, Field(ge=0, le=65535)]
+    browser: bool
+    visitors: Annotated[int, Field(ge=1, le=64)]
+    freq: Freq
+    hip_k: NonNegative | None
+    ankle_k: NonNegative | None
+    load: NonNegative | None
+    amplitude: Positive | None
+    tolerance: Positive | None
+    sliders: Sliders
+    ramp_rate: Positive
+    window_steps: Annotated[int, Field(ge=2, le=10_000)]
+    push: Push
+    slow_motion: Share
+    frames_per_s: Annotated[float, Field(ge=1, le=60)]
+    plots_per_s: Annotated[float, Field(ge=0.5, le=30)]
+    theory_freqs: Annotated[int, Field(ge=2, le=200)]
+    record: str | None
+    recording: Recording
+    lqr: LqrConfig
+    evaluation: EvaluationConfig
+    paper: dict[str, Any]
+
+    @model_validator(mode="after")
+    def _within_the_sliders(self) -> "PlayConfig":
+        for name in KNOBS:
+            low, high, _ = getattr(self.sliders, name)
+            value = getattr(self, name)
+            if value is not None and not low <= value <= high:
+                raise ValueError(f"{name} = {value:g}: allowed is {low:g}..{high:g}, as far as the slider goes (sliders.{name})")
+        low, high, _ = self.sliders.freq
+        start, end = self.recording.freq
+        if not low <= start < end <= high:
+            raise ValueError(f"recording.freq: a ramp goes up within {low:g}..{high:g} Hz, got {[start, end]}")
+        return self
