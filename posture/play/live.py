@@ -90,8 +90,8 @@ def _chart(
         tuple(series),
         title=title,
         scales=scales,
-        axes=(uplot.Axis(size=22, font="11px system-ui"), uplot.Axis(size=42, font="11px system-ui")),
+        axes=(uplot.Axis(size=30, font="11px system-ui"), uplot.Axis(size=42, font="11px system-ui")),
         legend=uplot.Legend(show=False),
-        height=150,
-        padding=(0, 12, 0, 0),
+        height=125,
+        padding=(6, 14, 0, 0),
     )

@@ -49,11 +49,11 @@ def numbers(measures: Measures, theory: Least | None, note: str, falls: int, cre
         ("cost / least cost", ratio),
         ("head from target, rms", _number(1e3 * measures.error, ".1f", " mm")),
         ("beyond the tolerance", _number(100 * measures.beyond, ".0f", " % of time")),
-        ("feet crept / falls", f"{1e3 * crept:.0f} mm / {falls}"),
+        ("feet crept / falls", f"{1e3 * crept:z.0f} mm / {falls}"),
     ]
     cells = "".join(f"<tr><td>{name}</td><td style='text-align:right;font-weight:600'>{value}</td></tr>" for name, value in rows)
     said = f'<div style="color:{FALL_COLOUR}">{escape(note)}</div>' if note else ""
-    return f'<table style="{STYLE};width:100%;border-collapse:collapse">{cells}</table>{said}'
+    return f'<table style="{STYLE};width:calc(100% - 24px);margin-left:10px;border-collapse:collapse">{cells}</table>{said}'
 
 
 def angle_angle(hip: Array, ankle: Array, mode: str) -> str:

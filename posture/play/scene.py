@@ -12,14 +12,15 @@ import viser
 from matplotlib.colors import to_rgb
 
 from envs.body import BODIES, MJCF
-from posture.figures import MODE_COLOUR, ORANGE, RED
+from posture.figures import FALL_COLOUR, MODE_COLOUR, ORANGE, RED
 from posture.play.session import State
 from posture.trajectory import Array
 
 BODY_COLOUR, LIMB_COLOUR, LOAD_COLOUR = (79, 124, 172), (122, 157, 195), (70, 70, 75)
 TARGET_HEIGHT, TARGET_RADIUS = 1.7, 0.03  # [m] paper Table 1 has the height
 METRES_PER_NEWTON = 1.0 / 400.0  # of the arrows: the whole body's weight is about a metre
-CAMERA, LOOK_AT = (0.75, -3.1, 1.25), (0.1, 0.0, 0.9)
+BESIDE = np.array([[0.0, 0.09, 0.0], [0.0, -0.09, 0.0]])  # [m] the arrows stand outside the legs, which would hide them
+CAMERA, LOOK_AT, FIELD_OF_VIEW = (0.75, -3.3, 1.25), (0.1, 0.0, 0.95), 0.7
 
 # Bodies that move as one in the sagittal plane, drawn in the frame of the first.
 PARTS = {"hat": ("hat",), "leg": ("leg_left", "leg_right"), "foot": ("foot_left", "foot_right")}
@@ -51,15 +52,14 @@ class Scene:
         pin = trimesh.creation.cylinder(0.006, segment=[[0, -0.19, 0.19], [0, 0.19, 0.19]], sections=8)
         scene.add_mesh_simple("/hat/pin", pin.vertices, pin.faces, color=(20, 20, 20))
         self._target = scene.add_frame("/target", show_axes=False)
-        scene.add_icosphere("/target/ball", TARGET_RADIUS, _rgb(ORANGE), position=(0.0, 0.0, TARGET_HEIGHT))
+        scene.add_icosphere("/target/ball", TARGET_RADIUS, rgb(ORANGE), position=(0.0, 0.0, TARGET_HEIGHT))
         line = [[[0.0, 0.0, 1.42], [0.0, 0.0, TARGET_HEIGHT]]]
-        scene.add_line_segments("/target/line", np.array(line), _rgb(ORANGE), line_width=2.0)
-        self._band = scene.add_box("/target/band", _rgb(ORANGE), (1.0, 0.36, 0.3), opacity=0.35, position=(0.0, 0.0, 1.46))
-        length = sole[1] - sole[0]
+        scene.add_line_segments("/target/line", np.array(line), rgb(ORANGE), line_width=2.0)
+        self._band = scene.add_box("/target/band", rgb(ORANGE), (1.0, 0.36, 0.3), opacity=0.35, position=(0.0, 0.0, 1.46))
         self._foot_middle = (sole[0] + sole[1]) / 2
-        self._plate = scene.add_box("/plate", _rgb(MODE_COLOUR["undefined"]), (length, 0.34, 0.004), opacity=0.9)
+        self._plate = scene.add_box("/plate", rgb(MODE_COLOUR["undefined"]), (0.5, 0.6, 0.004), opacity=0.6)
         self._force = scene.add_arrows(
-            "/force", np.zeros((2, 2, 3)), _rgb(RED), shaft_radius=0.008, head_radius=0.022, head_length=0.05
+            "/force", np.zeros((2, 2, 3)), rgb(FALL_COLOUR), shaft_radius=0.008, head_radius=0.022, head_length=0.05
         )
         self._label = scene.add_label("/label", "", position=(0.1, 0.0, 1.9), anchor="bottom-center", font_screen_scale=1.6)
         self._shown: dict[str, object] = {}
@@ -74,11 +74,12 @@ class Scene:
         self._target.position = (state.target, 0.0, 0.0)
         foot = state.pose[BODIES.index("foot_left")]
         self._plate.position = (foot[0] + self._foot_middle, 0.0, -0.004)
-        self._force.points = np.stack([state.at, state.at + METRES_PER_NEWTON * state.force], axis=1).astype(np.float32)
+        at = state.at + BESIDE
+        self._force.points = np.stack([at, at + METRES_PER_NEWTON * state.force], axis=1).astype(np.float32)
         lost = abs(state.head - state.target) > tolerance
         if self._changed("band", (tolerance, lost)):
             self._band.scale = (2 * tolerance, 1.0, 1.0)
-            self._band.color = _rgb(RED if lost else ORANGE)
+            self._band.color = rgb(RED if lost else ORANGE)
         if self._changed("load", load):
             self._load.visible = load > 0
             # As large as so much lead.
@@ -89,7 +90,7 @@ class Scene:
         if self._changed("text", text):
             self._label.text = text
         if self._changed("mode", mode):
-            self._plate.color = _rgb(MODE_COLOUR[mode])
+            self._plate.color = rgb(MODE_COLOUR[mode])
 
     def _changed(self, what: str, value: object) -> bool:
         """Whether `value` is news, since what does not change need not be sent."""
@@ -98,7 +99,12 @@ class Scene:
         return news
 
 
-def _rgb(colour: str) -> tuple[int, int, int]:
+def look(camera: viser.CameraHandle | viser.InitialCameraConfig) -> None:
+    """Let `camera` see the stander from its right, a little from the front."""
+    camera.position, camera.look_at, camera.fov = CAMERA, LOOK_AT, FIELD_OF_VIEW
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
     r, g, b = (round(255 * x) for x in to_rgb(colour))
     return r, g, b
 
@@ -169,7 +175,7 @@ def _knees(solids: list[trimesh.Trimesh]) -> list[trimesh.Trimesh]:
     for side in (1.0, -1.0):
         # In the left leg's frame the right leg is on the other side of y = -0.1 m.
         thigh, shin = sorted((m for m in solids if (m.centroid[1] + 0.1) * side > 0), key=lambda m: -m.centroid[2])
-        low = thigh.vertices[thigh.vertices[:, 2] < thigh.centroid[2]]
-        high = shin.vertices[shin.vertices[:, 2] > shin.centroid[2]]
+        low = thigh.vertices[thigh.vertices[:, 2] < thigh.bounds[0, 2] + 0.055]
+        high = shin.vertices[shin.vertices[:, 2] > shin.bounds[1, 2] - 0.045]
         filled.append(trimesh.convex.convex_hull(np.vstack([low, high])))
     return filled

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 import signal
 import socket
 import sys
@@ -17,7 +18,7 @@ import viser
 from posture.config import ConfigError
 from posture.play.config import PlayConfig
 from posture.play.pilot import Candidate, candidates
-from posture.play.scene import CAMERA, LOOK_AT
+from posture.play.scene import look
 from posture.play.theory import Office
 from posture.play.visit import Visit
 from posture.stander import segments
@@ -60,6 +61,7 @@ class Page:
         self._body = segments(pilots[0].env)
         self._door = threading.Lock()
         self.visits: dict[int, Visit] = {}
+        logging.getLogger("websockets").setLevel(logging.WARNING)  # not every connection
         with contextlib.redirect_stdout(io.StringIO()):  # viser prints addresses of its own
             self._server = viser.ViserServer(HOST, config.port, verbose=False)
         self.port = self._server.get_port()
@@ -68,7 +70,7 @@ class Page:
             raise ConfigError(taken(config.port))
         # Viser can show a page through a server on the internet; this one stays on this machine.
         self._server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
-        self._server.initial_camera.position, self._server.initial_camera.look_at = CAMERA, LOOK_AT
+        look(self._server.initial_camera)
         self._server.on_client_connect(self._enter)
         self._server.on_client_disconnect(self._leave)
 

@@ -15,7 +15,7 @@ from posture.play.config import PlayConfig
 from posture.play.controls import Controls
 from posture.play.live import Live
 from posture.play.pilot import Candidate
-from posture.play.scene import CAMERA, LOOK_AT, Scene
+from posture.play.scene import Scene, look
 from posture.play.session import Session
 from posture.play.theory import Office
 
@@ -52,7 +52,7 @@ class Visit(threading.Thread):
         )
         gui.main_panel.dock_right()
         gui.main_panel.set_width(310)
-        client.camera.position, client.camera.look_at = CAMERA, LOOK_AT
+        look(client.camera)
         self._scene = Scene(client.scene, self.session.sole)
 
     def leave(self) -> None:
