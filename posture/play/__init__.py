@@ -6,13 +6,25 @@ python -m posture.play ckpt=lqr hip_k=60                 # the model-based contr
 python -m posture.play record=out.html                   # no page: one file that plays by itself, without Python
 """
 
-from pathlib import Path
+from __future__ import annotations
 
-from posture.play.config import PlayConfig
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from posture.play.config import PlayConfig
 
 
 def play(config: PlayConfig, _folder: Path) -> None:
-    """Serve the page until Ctrl-C, or write a recording."""
+    """Serve the page until Ctrl-C, or write a recording. Raises ConfigError where viser is not installed."""
+    from importlib.util import find_spec
+
+    from posture.config import ConfigError
+
+    if find_spec("viser") is None:
+        raise ConfigError(
+            "the page needs viser: python -m pip install -c constraints.txt 'posture[play]', or pip install viser"
+        )
     # Only now, so that bad input is answered before physics takes seconds to import.
     if config.record is not None:
         from posture.play.record import record

@@ -35,10 +35,17 @@ class Sliders(Strict):
 
 
 class Push(Strict):
-    """A horizontal force [N], forward positive, on the HAT's centre of mass for `duration` [s]."""
+    """A horizontal force [N], forward, on the HAT's centre of mass for `duration` [s]; `limit` [N] is the end of its slider."""
 
-    force: float
+    force: Positive
+    limit: Positive
     duration: Annotated[float, Field(gt=0, le=5)]
+
+    @model_validator(mode="after")
+    def _within(self) -> "Push":
+        if self.force > self.limit:
+            raise ValueError(f"push.force = {self.force:g}: allowed is up to push.limit = {self.limit:g} N")
+        return self
 
 
 class Recording(Strict):
@@ -81,7 +88,9 @@ class PlayConfig(Strict):
             low, high, _ = getattr(self.sliders, name)
             value = getattr(self, name)
             if value is not None and not low <= value <= high:
-                raise ValueError(f"{name} = {value:g}: allowed is {low:g}..{high:g}, as far as the slider goes (sliders.{name})")
+                raise ValueError(
+                    f"{name} = {value:g}: allowed is {low:g}..{high:g}, as far as the slider goes (sliders.{name})"
+                )
         low, high, _ = self.sliders.freq
         start, end = self.recording.freq
         if not low <= start < end <= high:

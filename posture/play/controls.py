@@ -42,10 +42,12 @@ class Controls:
         for label, hint, act in (
             ("ramp up", f"the frequency rises by {config.ramp_rate:g} Hz/s; again: hold it", lambda: session.ramp(1)),
             ("ramp down", f"the frequency falls by {config.ramp_rate:g} Hz/s; again: hold it", lambda: session.ramp(-1)),
-            ("push", f"{config.push.force:g} N forward on the trunk for {config.push.duration:g} s", session.push),
+            ("push", f"forward on the trunk, for {config.push.duration:g} s", session.push),
             ("reset", "upright and at rest; the sliders stay", session.reset),
         ):
             self._button(gui, label, hint, act)
+        self._force = gui.add_slider("push [N]", 0.0, config.push.limit, 5.0, config.push.force)
+        self._force.on_update(lambda _: setattr(session, "force", self._force.value))
         self._pause = gui.add_checkbox("pause", False)
         self._pause.on_update(lambda _: setattr(session, "paused", self._pause.value))
         self._slow = gui.add_checkbox("slow motion", False, hint=f"{config.slow_motion:g} of real time")

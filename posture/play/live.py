@@ -27,14 +27,18 @@ class Live:
         self._freqs = config.sliders.freq[:2]
         self._headline = gui.add_html("")
         self._numbers = gui.add_html("")
-        self._angles = _chart(gui, "hip and ankle [deg]", [("hip", HIP_COLOUR), ("ankle", ANKLE_COLOUR)], (-SPAN_S, 0.0), None)
+        self._angles = _chart(
+            gui, "hip and ankle [deg]", [("hip", HIP_COLOUR), ("ankle", ANKLE_COLOUR)], (-SPAN_S, 0.0), None
+        )
         self._squares = gui.add_html("")
         self._foot = gui.add_html("")
         self._correlation = _chart(
             gui, "running correlation", [("in-phase", MODE_COLOUR["in-phase"]), ("anti-phase", MODE_COLOUR["anti-phase"])],
             (-SPAN_S * 3, 0.0), (-1.05, 1.05),
         )  # fmt: skip
-        self._cost = _chart(gui, "cost, and least cost (grey)", [("cost", "#333333"), ("least", GREY)], (-SPAN_S * 3, 0.0), None)
+        self._cost = _chart(
+            gui, "cost, and least cost (grey)", [("cost", "#333333"), ("least", GREY)], (-SPAN_S * 3, 0.0), None
+        )
         self._past: list[tuple[float, float, float, float]] = []  # time, correlation, cost, least cost
 
     def refresh(self, session: Session) -> None:

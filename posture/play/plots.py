@@ -51,7 +51,9 @@ def numbers(measures: Measures, theory: Least | None, note: str, falls: int, cre
         ("beyond the tolerance", _number(100 * measures.beyond, ".0f", " % of time")),
         ("feet crept / falls", f"{1e3 * crept:z.0f} mm / {falls}"),
     ]
-    cells = "".join(f"<tr><td>{name}</td><td style='text-align:right;font-weight:600'>{value}</td></tr>" for name, value in rows)
+    cells = "".join(
+        f"<tr><td>{name}</td><td style='text-align:right;font-weight:600'>{value}</td></tr>" for name, value in rows
+    )
     said = f'<div style="color:{FALL_COLOUR}">{escape(note)}</div>' if note else ""
     return f'<table style="{STYLE};width:calc(100% - 24px);margin-left:10px;border-collapse:collapse">{cells}</table>{said}'
 
@@ -106,7 +108,9 @@ def foot(cop: Array, sole: tuple[float, float]) -> str:
     seen = cop[np.isfinite(cop)]
     if len(seen):
         low, high, now = float(seen.min()), float(seen.max()), float(seen[-1])
-        drawn += f'<rect x="{x(low):.1f}" y="19" width="{(high - low) * scale:.1f}" height="8" fill="{ORANGE}" opacity=".6"/>'
+        drawn += (
+            f'<rect x="{x(low):.1f}" y="19" width="{(high - low) * scale:.1f}" height="8" fill="{ORANGE}" opacity=".6"/>'
+        )
         drawn += f'<circle cx="{x(now):.1f}" cy="23" r="6" fill="{FALL_COLOUR}"/>'
         drawn += f'<text x="{width / 2}" y="8" text-anchor="middle">centre of pressure {1e3 * now:+.0f} mm</text>'
     return _svg(width, height, drawn, "centre of pressure within the foot")

@@ -47,7 +47,9 @@ class Scene:
             for i, shape in enumerate(_shapes()[part]):
                 scene.add_mesh_simple(f"/{part}/{i}", shape.vertices, shape.faces, color=shape.colour)
         hat_com = _hat_com()
-        self._load = scene.add_icosphere("/hat/load", 1.0, LOAD_COLOUR, position=(hat_com[0], -0.16, hat_com[2]), visible=False)
+        self._load = scene.add_icosphere(
+            "/hat/load", 1.0, LOAD_COLOUR, position=(hat_com[0], -0.16, hat_com[2]), visible=False
+        )
         # Across the head at its centre, to be seen against the band of the tolerance.
         pin = trimesh.creation.cylinder(0.006, segment=[[0, -0.19, 0.19], [0, 0.19, 0.19]], sections=8)
         scene.add_mesh_simple("/hat/pin", pin.vertices, pin.faces, color=(20, 20, 20))

@@ -5,10 +5,9 @@ from __future__ import annotations
 import contextlib
 import io
 import logging
-import signal
 import socket
-import sys
 import threading
+import time
 import webbrowser
 from collections.abc import Iterator
 
@@ -27,29 +26,18 @@ HOST = "127.0.0.1"
 
 
 def serve(config: PlayConfig) -> None:
-    """Print the address and serve the page until a signal: exits with 130 after Ctrl-C, 143 after SIGTERM.
+    """Print the address and serve the page until the process is stopped.
 
     Raises ConfigError where the port is taken or the checkpoint cannot be played with.
     """
     check_port(config.port)
     pilots = candidates(config.ckpt, config.lqr)
-    stop, caught = threading.Event(), 0
-
-    def end(number: int, _frame: object) -> None:
-        nonlocal caught
-        caught = number
-        stop.set()
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, end)
     with opened(config, pilots) as page:
         print(f"posture: http://{HOST}:{page.port} (Ctrl-C ends it)", flush=True)
         if config.browser and not webbrowser.open(f"http://{HOST}:{page.port}"):
             print("no browser could be opened: open the address yourself", flush=True)
-        # In pieces, since a signal does not end a wait on every system.
-        while not stop.wait(0.5):
-            pass
-    sys.exit(128 + caught)
+        while True:
+            time.sleep(1.0)  # a signal ends it
 
 
 class Page:
@@ -127,4 +115,6 @@ def check_port(port: int) -> None:
 
 def taken(port: int) -> str:
     """What to say where a port is taken."""
-    return f"port = {port}: is in use on this machine; end what uses it, or choose another, as port={port + 1} or port=0 (any)"
+    return (
+        f"port = {port}: is in use on this machine; end what uses it, or choose another, as port={port + 1} or port=0 (any)"
+    )

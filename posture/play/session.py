@@ -49,7 +49,7 @@ class State:
 class Session:
     """Attributes to read: knobs, state, history, trail, ramping (1 up, -1 down, 0 not), fallen, falls, time [s], note.
 
-    paused may be set.
+    paused and force, that of a push [N], may be set.
     """
 
     def __init__(self, config: PlayConfig, pilots: Sequence[Candidate], body: Segments, office: Office) -> None:
@@ -61,13 +61,13 @@ class Session:
         given = {name: getattr(config, name) for name in KNOBS if getattr(config, name) is not None}
         self.knobs = replace(self.knobs, **given)
         self._theory = Asked(office, least)
-        self.paused, self.falls, self.time = False, 0, 0.0
+        self.paused, self.falls, self.time, self.force = False, 0, 0.0, config.push.force
         self._start(first)
         self.reset()
 
     # -- what happens to it ------------------------------------------------------------------------------------------
 
-    @torch.inference_mode()
+    @torch.no_grad()
     def step(self) -> None:
         """One control step; none while paused. After a fall it lies for a while, and then stands upright again."""
         if self.paused:
@@ -81,7 +81,7 @@ class Session:
         self._ramp()
         self._env.turn(self.knobs)
         if self._pushed > 0:
-            self._pusher.push(self._env, self._config.push.force * self.dt)
+            self._pusher.push(self._env, self.force * self.dt)
             self._pushed -= 1
         done = self._env.step(self._pilot.act(self._env, self.knobs))[2]
         if bool(done):
@@ -110,7 +110,7 @@ class Session:
         """Push the trunk forward, from the next step on."""
         self._pushed = max(1, round(self._config.push.duration / self.dt))
 
-    @torch.inference_mode()
+    @torch.no_grad()
     def reset(self) -> None:
         """Stand upright and at rest, target at its rear end; the knobs stay. What was measured is forgotten."""
         self.ramping, self.fallen, self._lying, self._pushed = 0, False, 0.0, 0
@@ -120,7 +120,7 @@ class Session:
         self.history.clear()
         self._look()
 
-    @torch.inference_mode()
+    @torch.no_grad()
     def choose(self, name: str) -> None:
         """Let another pilot go on from here, with the body that it was made for. Raises ConfigError, and all stays."""
         before, candidate = self._env, self._pilots[name]
