@@ -1,4 +1,4 @@
-"""The session without a browser: knobs against hand arithmetic, Newton's laws, the roll-out of posture.eval and the theory."""
+"""The session without a browser, against hand arithmetic, Newton's laws, the roll-out of posture.eval and the theory."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""A page on this machine where one plays with a stander, live: sliders for frequency, stiffness, load; a push; the mode by eye.
+"""A page on this machine where one plays with a stander, live: sliders, a push, and the mode named as it switches.
 
 python -m posture.play                                   # the shipped policy; prints the address of the page
 python -m posture.play ckpt=runs/<run> port=8090
@@ -22,9 +22,7 @@ def play(config: PlayConfig, _folder: Path) -> None:
     from posture.config import ConfigError
 
     if find_spec("viser") is None:
-        raise ConfigError(
-            "the page needs viser: python -m pip install -c constraints.txt 'posture[play]', or pip install viser"
-        )
+        raise ConfigError("the page needs viser: python -m pip install -c constraints.txt -e '.[play]'")
     # Only now, so that bad input is answered before physics takes seconds to import.
     if config.record is not None:
         from posture.play.record import record

@@ -28,14 +28,14 @@ class Sliders(Strict):
                 raise ValueError(f"sliders.{name}: goes from low to high in steps between, got {[low, high, step]}")
         if not self.tolerance[1] < self.amplitude[0]:
             raise ValueError(
-                f"sliders.tolerance: ends at {self.tolerance[1]:g} m, where to stand still is good enough; allowed is less than "
-                f"the least amplitude, {self.amplitude[0]:g} m"
+                f"sliders.tolerance: ends at {self.tolerance[1]:g} m, where to stand still is good enough; allowed is less "
+                f"than the least amplitude, {self.amplitude[0]:g} m"
             )
         return self
 
 
 class Push(Strict):
-    """A horizontal force [N], forward, on the HAT's centre of mass for `duration` [s]; `limit` [N] is the end of its slider."""
+    """A horizontal `force` [N], forward, on the HAT's centre of mass for `duration` [s]; its slider ends at `limit` [N]."""
 
     force: Positive
     limit: Positive
@@ -88,9 +88,7 @@ class PlayConfig(Strict):
             low, high, _ = getattr(self.sliders, name)
             value = getattr(self, name)
             if value is not None and not low <= value <= high:
-                raise ValueError(
-                    f"{name} = {value:g}: allowed is {low:g}..{high:g}, as far as the slider goes (sliders.{name})"
-                )
+                raise ValueError(f"{name} = {value:g}: allowed is {low:g}..{high:g}, as far as its slider goes")
         low, high, _ = self.sliders.freq
         start, end = self.recording.freq
         if not low <= start < end <= high:

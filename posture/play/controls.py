@@ -58,7 +58,7 @@ class Controls:
         for name, slider in self._sliders.items():
             value = self._on_slider(name)
             if abs(slider.value - value) > 1e-9:
-                slider.value = value
+                slider.value = value  # type: ignore[misc]  # viser declares less than it does
 
     def _slider(self, gui: viser.GuiApi, name: str) -> viser.GuiSliderHandle[float]:
         low, high, step = getattr(self._config.sliders, name)
@@ -90,5 +90,5 @@ class Controls:
             try:
                 self._session.choose(self._pilot.value)
             except ConfigError as error:
-                self._pilot.value = self._session.pilot
+                self._pilot.value = self._session.pilot  # type: ignore[misc]
                 self._refuse(str(error))

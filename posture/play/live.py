@@ -28,7 +28,7 @@ class Live:
         self._headline = gui.add_html("")
         self._numbers = gui.add_html("")
         self._angles = _chart(
-            gui, "hip and ankle [deg]", [("hip", HIP_COLOUR), ("ankle", ANKLE_COLOUR)], (-SPAN_S, 0.0), None
+            gui, "hip (pink) and ankle (green) [deg]", [("hip", HIP_COLOUR), ("ankle", ANKLE_COLOUR)], (-SPAN_S, 0.0), None
         )
         self._squares = gui.add_html("")
         self._foot = gui.add_html("")
@@ -37,7 +37,7 @@ class Live:
             (-SPAN_S * 3, 0.0), (-1.05, 1.05),
         )  # fmt: skip
         self._cost = _chart(
-            gui, "cost, and least cost (grey)", [("cost", "#333333"), ("least", GREY)], (-SPAN_S * 3, 0.0), None
+            gui, "cost (black), least cost (grey)", [("cost", "#333333"), ("least", GREY)], (-SPAN_S * 3, 0.0), None
         )
         self._past: list[tuple[float, float, float, float]] = []  # time, correlation, cost, least cost
 

@@ -17,9 +17,9 @@ from posture.ramp import window_correlation
 class Measures:
     """Over the window that ends now, nan where it is not full.
 
-    window [s]. freq: mean frequency [Hz]. r: hip-ankle correlation [-], nan where a joint hardly moves. cost [-]: mean of the
-    sum over the four joints of (tau / limit)^2. error [m]: root mean square of head from target. beyond: share of time with
-    the head beyond the tolerance, 0 .. 1.
+    window [s]. freq: mean frequency [Hz]. r: hip-ankle correlation [-], nan where a joint hardly moves. cost [-]: mean of
+    the sum over the four joints of (tau / limit)^2. error [m]: root mean square of head from target. beyond: share of time
+    with the head beyond the tolerance, 0 .. 1.
     """
 
     window: float
@@ -56,7 +56,7 @@ def measure(history: History, dt: float, window_steps: int, still_rad: float, to
 
 
 class Trail:
-    """Where the correlation has been over frequency: rising, falling, or held. Hysteresis is seen where the first two part."""
+    """Where the correlation has been over frequency: rising, falling, or held. Hysteresis shows where the first two part."""
 
     LENGTH = 600
 

@@ -35,8 +35,8 @@ class Pilot(Protocol):
 
 @dataclass(frozen=True)
 class Candidate:
-    """A pilot to choose. name: in the list. env: the environment it was made for, as it is played in. model, run: its checkpoint
-    and that run's configuration; None of the model-based controller."""
+    """A pilot to choose. name: in the list. env: the environment it was made for, as it is played in. model, run: its
+    checkpoint and that run's configuration; None of the model-based controller."""
 
     name: str
     env: EnvConfig

@@ -1,9 +1,9 @@
 """The model-based controller of `posture.lqr` for a target and a body that change while it acts.
 
-The reference is the least-cost motion, q(t) = Re sum_k c_k exp(i k phi(t)), with the target's own phase phi. Its coefficients
-are planned anew as the sliders move, in another process. Those in use follow the plan by c'' = w^2 (plan - c) - 2 w c', from
-c = 0, which is upright: so angles, velocities and torques stay continuous, and the feedforward torque is that of the motion
-as it is, faded as it may be.
+The reference is the least-cost motion, q(t) = Re sum_k c_k exp(i k phi(t)), with the target's own phase phi. Its
+coefficients are planned anew as the sliders move, in another process. Those in use follow the plan by
+c'' = w^2 (plan - c) - 2 w c', from c = 0, which is upright: so angles and velocities stay continuous, and the feedforward
+torque is that of the motion as it is, faded as it may be.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class Planned:
         angle = self._now
         velocity = self._rate + turn * self._now
         acceleration = self._curve + 2 * turn * self._rate + turn**2 * self._now
-        return tuple((wave @ part).real for part in (angle, velocity, acceleration))  # type: ignore[return-value]
+        return tuple((wave @ part).real for part in (angle, velocity, acceleration))
 
     def _torque(self, angle: Array, velocity: Array, acceleration: Array) -> Array:
         """Of one joint (hip, ankle) [Nm], what the linear stander needs for this motion. (2,)."""

@@ -115,6 +115,4 @@ def check_port(port: int) -> None:
 
 def taken(port: int) -> str:
     """What to say where a port is taken."""
-    return (
-        f"port = {port}: is in use on this machine; end what uses it, or choose another, as port={port + 1} or port=0 (any)"
-    )
+    return f"port = {port}: is in use on this machine; choose another, as port={port + 1}, or port=0 for any"

@@ -16,7 +16,7 @@ from posture.play.config import KNOBS, PlayConfig
 from posture.play.history import History
 from posture.play.knobs import Knobs
 from posture.play.measures import Measures, Trail, measure
-from posture.play.pilot import Candidate, board
+from posture.play.pilot import Candidate, Pilot, board
 from posture.play.push import Pusher
 from posture.play.steered import SteeredEnv
 from posture.play.theory import Asked, Least, Office, least
@@ -51,6 +51,13 @@ class Session:
 
     paused and force, that of a push [N], may be set.
     """
+
+    fallen: bool
+    history: History
+    trail: Trail
+    _lying: float
+    _pushed: int
+    _pilot: Pilot
 
     def __init__(self, config: PlayConfig, pilots: Sequence[Candidate], body: Segments, office: Office) -> None:
         """The first of `pilots` begins. Raises ConfigError where it cannot be loaded."""
@@ -191,7 +198,7 @@ class Session:
         if not hasattr(self, "history"):
             self.history = History(2 * max(self._config.window_steps, math.ceil(1 / (low * self.dt))))
 
-    def _boarded(self):  # type: ignore[no-untyped-def]
+    def _boarded(self) -> Pilot:
         return board(self._pilots[self.pilot], self._env, self._config.lqr, self._office, self._body)
 
     def _ramp(self) -> None:

@@ -30,8 +30,8 @@ Coefficients = NDArray[np.complex128]
 
 @dataclass(frozen=True, eq=False)
 class Least:
-    """Of one body, amplitude and tolerance: the least cost [-] at `freq` [Hz], both (n,), nan where no motion keeps the limits,
-    and the frequency [Hz] at which the least-cost motion switches mode, None without one."""
+    """Of one body, amplitude and tolerance: the least cost [-] at `freq` [Hz], both (n,), nan where no motion keeps the
+    limits, and the frequency [Hz] at which the least-cost motion switches mode, None without one."""
 
     freq: Array
     cost: Array
@@ -58,7 +58,7 @@ def least(body: Segments, env: EnvConfig, tolerance: float, freqs: Array) -> Lea
 
 
 class Office:
-    """One process, lower in priority, that works off what it is asked, in order. It ends with this one, however that ends."""
+    """One process of low priority that works off what it is asked, in order. It ends with this one, however that ends."""
 
     def __init__(self) -> None:
         context = multiprocessing.get_context("spawn")
@@ -74,7 +74,7 @@ class Office:
 
 
 class Asked:
-    """The newest answer to a question whose arguments keep changing: one at a time is computed, and the last asked is next."""
+    """The newest answer to a question whose arguments keep changing: one at a time is computed, the last asked is next."""
 
     def __init__(self, office: Office, function: Callable[..., Any]) -> None:
         self._office, self._function = office, function
