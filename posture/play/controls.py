@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 
@@ -38,6 +39,7 @@ class Controls:
         """Share of real time."""
         self._pilot = gui.add_dropdown("policy", pilots, initial_value=session.pilot)
         self._pilot.on_update(lambda event: self._choose() if event.client is not None else None)
+        self._shown = {name: self._on_slider(name) for name in KNOBS}
         self._sliders = {name: self._slider(gui, name) for name in KNOBS}
         for label, hint, act in (
             ("ramp up", f"the frequency rises by {config.ramp_rate:g} Hz/s; again: hold it", lambda: session.ramp(1)),
@@ -54,10 +56,15 @@ class Controls:
         self._slow.on_update(lambda _: setattr(self, "speed", config.slow_motion if self._slow.value else 1.0))
 
     def follow(self) -> None:
-        """Let the sliders show what the session has by itself: a ramp, or the body of another policy."""
+        """Let the sliders show what the session has by itself: a ramp, or the body of another policy.
+
+        Compared with what they showed, not with where they are: a slider that was just moved is not to be put back before
+        its knob is turned.
+        """
         for name, slider in self._sliders.items():
             value = self._on_slider(name)
-            if abs(slider.value - value) > 1e-9:
+            if self._shown[name] != value:
+                self._shown[name] = value
                 slider.value = value  # type: ignore[misc]  # viser declares less than it does
 
     def _slider(self, gui: viser.GuiApi, name: str) -> viser.GuiSliderHandle[float]:
@@ -69,6 +76,8 @@ class Controls:
                 return  # by `follow`
             with self._lock:
                 self._session.set(**{name: min(max(float(slider.value), low), high)})
+                if slider.value != self._on_slider(name):
+                    self._shown[name] = math.nan  # typed beyond the range: `follow` puts it right
 
         slider.on_update(turned)
         return slider

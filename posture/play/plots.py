@@ -35,16 +35,16 @@ def headline(measures: Measures, fallen: bool, paused: bool, ramping: int, freq:
 def numbers(measures: Measures, theory: Least | None, note: str, falls: int, crept: float) -> str:
     """Cost against the least cost, where theory has the switch, tracking, and what else is to be said."""
     if theory is None:
-        switch = least = ratio = "<i>computing&hellip;</i>"
+        switch = least = ratio = "<i>computing…</i>"
     else:
         switch = "none" if theory.transition is None else f"{theory.transition:.3f} Hz"
         value = theory.at(measures.freq)
         known = math.isfinite(value)
         least = f"{value:.4f}" if known else "no motion keeps foot and tolerance"
-        ratio = _number(measures.cost / value, ".2f") if known else "&ndash;"
+        ratio = _number(measures.cost / value, ".2f") if known else "–"
     rows = [
         ("switch in theory, f*", switch),
-        ("cost &Sigma;(&tau;/limit)&sup2;", _number(measures.cost, ".4f")),
+        ("cost Σ(τ/limit)²", _number(measures.cost, ".4f")),
         ("least cost (theory)", least),
         ("cost / least cost", ratio),
         ("head from target, rms", _number(1e3 * measures.error, ".1f", " mm")),
@@ -177,4 +177,4 @@ def _room(values: Array, low: float, high: float, step: float) -> tuple[float, f
 
 
 def _number(value: float, form: str, unit: str = "") -> str:
-    return f"{value:{form}}{unit}" if math.isfinite(value) else "&ndash;"
+    return f"{value:{form}}{unit}" if math.isfinite(value) else "–"

@@ -8,6 +8,7 @@ import logging
 import socket
 import threading
 import time
+import warnings
 import webbrowser
 from collections.abc import Iterator
 
@@ -49,7 +50,8 @@ class Page:
         self._body = segments(pilots[0].env)
         self._door = threading.Lock()
         self.visits: dict[int, Visit] = {}
-        logging.getLogger("websockets").setLevel(logging.WARNING)  # not every connection
+        logging.getLogger("websockets").setLevel(logging.CRITICAL)  # who came, and with what, is not told
+        warnings.filterwarnings("ignore", "Queued a .* on a closed connection")  # a visitor left between two frames
         with contextlib.redirect_stdout(io.StringIO()):  # viser prints addresses of its own
             self._server = viser.ViserServer(HOST, config.port, verbose=False)
         self.port = self._server.get_port()
