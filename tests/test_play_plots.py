@@ -89,3 +89,16 @@ def test_the_switch_of_the_theory_is_drawn_among_the_frequencies():
     places = [float(x) for x in re.findall(r'circle cx="([\d.]+)"', picture)]
     assert places == pytest.approx([line, line], abs=0.1)
     assert plots.RISING in picture and plots.FALLING in picture
+
+
+def test_a_gap_in_a_strip_stays_a_gap_and_the_present_is_to_the_right():
+    ago = np.array([-30.0, -20.0, -15.0, -10.0, 0.0])
+    picture = plots.strip("r", ago, [(np.array([1.0, -1.0, math.nan, 0.0, 1.0]), "#123456")], 30.0, (-1.0, 1.0))
+    path = re.search(r'd="([^"]*)" fill="none" stroke="#123456"', picture).group(1)
+    assert path.count("M") == 2 and path.count("L") == 2
+    points = np.array([[float(x) for x in pair.split()] for pair in re.split("[ML]", path)[1:]])
+    first, last = points[0], points[-1]
+    assert first[0] == 34 and last[0] == 2 * plots.SQUARE - 8 and first[1] == last[1] == 18
+    assert points[2] == pytest.approx([34 + (2 * plots.SQUARE - 42) * 2 / 3, 52], abs=0.1)
+    ElementTree.fromstring(plots.row(picture))
+    ElementTree.fromstring(plots.strip("cost", ago[:0], [(ago[:0], "red"), (ago[:0], "blue")], 30.0, None))

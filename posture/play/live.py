@@ -16,6 +16,8 @@ from posture.trajectory import Array
 
 SPAN_S = 10.0
 """[s] of the joint angles that are shown."""
+STRIP_S = 30.0
+"""[s] of correlation and cost."""
 SAMPLES = 200
 """Of each curve."""
 
@@ -27,18 +29,11 @@ class Live:
         self._freqs = config.sliders.freq[:2]
         self._headline = gui.add_html("")
         self._numbers = gui.add_html("")
-        self._angles = _chart(
-            gui, "hip (pink) and ankle (green) [deg]", [("hip", HIP_COLOUR), ("ankle", ANKLE_COLOUR)], (-SPAN_S, 0.0), None
-        )
+        joints = [("hip", HIP_COLOUR), ("ankle", ANKLE_COLOUR)]
+        self._angles = _chart(gui, "hip (pink) and ankle (green) [deg]", joints, (-SPAN_S, 0.0))
         self._squares = gui.add_html("")
         self._foot = gui.add_html("")
-        self._correlation = _chart(
-            gui, "running correlation", [("in-phase", MODE_COLOUR["in-phase"]), ("anti-phase", MODE_COLOUR["anti-phase"])],
-            (-SPAN_S * 3, 0.0), (-1.05, 1.05),
-        )  # fmt: skip
-        self._cost = _chart(
-            gui, "cost (black), least cost (grey)", [("cost", "#333333"), ("least", GREY)], (-SPAN_S * 3, 0.0), None
-        )
+        self._strips = gui.add_html("")
         self._past: list[tuple[float, float, float, float]] = []  # time, correlation, cost, least cost
 
     def refresh(self, session: Session) -> None:
@@ -62,15 +57,21 @@ class Live:
         self._angles.data = tuple(_some(x[::-every][::-1]) for x in (time, *angles))
         self._remember(session.time, measures.r, measures.cost, math.nan if theory is None else theory.at(measures.freq))
         past = np.array(self._past)
-        time = past[:, 0] - session.time
-        r = past[:, 1]
-        self._correlation.data = tuple(map(_some, (time, np.where(r > 0, r, np.nan), np.where(r <= 0, r, np.nan))))
-        self._cost.data = tuple(map(_some, (time, past[:, 2], past[:, 3])))
+        ago, r = past[:, 0] - session.time, past[:, 1]
+        modes = [
+            (np.where(r > 0, r, np.nan), MODE_COLOUR["in-phase"]),
+            (np.where(r < 0, r, np.nan), MODE_COLOUR["anti-phase"]),
+        ]
+        costs = [(past[:, 3], GREY), (past[:, 2], "#333333")]
+        self._strips.content = plots.row(
+            plots.strip("running correlation", ago, modes, STRIP_S, (-1.0, 1.0)),
+            plots.strip("cost (black) and least cost (grey)", ago, costs, STRIP_S, None),
+        )
 
     def _remember(self, time: float, r: float, cost: float, least: float) -> None:
         if self._past and time <= self._past[-1][0]:
             return  # paused
-        self._past = [row for row in self._past if row[0] > time - 3 * SPAN_S]
+        self._past = [row for row in self._past if row[0] > time - STRIP_S]
         self._past.append((time, r, cost, least))
 
 
@@ -84,11 +85,10 @@ def _chart(
     title: str,
     curves: list[tuple[str, str]],
     across: tuple[float, float],
-    up: tuple[float, float] | None,
 ) -> viser.GuiUplotHandle:
     nothing = tuple(np.full(2, np.nan) for _ in range(len(curves) + 1))
     series = [uplot.Series(label="time"), *(uplot.Series(label=name, stroke=colour, width=2) for name, colour in curves)]
-    scales = {"x": uplot.Scale(time=False, range=across), "y": uplot.Scale() if up is None else uplot.Scale(range=up)}
+    scales = {"x": uplot.Scale(time=False, range=across), "y": uplot.Scale()}
     return gui.add_uplot(
         nothing,
         tuple(series),

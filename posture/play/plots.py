@@ -15,6 +15,8 @@ from posture.trajectory import Array
 
 RISING, FALLING = ORANGE, BLUE
 SQUARE, MARGIN = 170, 26  # [px] of a square picture, and of its margin for labels
+TOPS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0)
+"""Ends of the axis of costs, the last what four joints at their limits cost."""
 STYLE = "font:12px system-ui,sans-serif;color:#222"
 
 
@@ -114,6 +116,35 @@ def foot(cop: Array, sole: tuple[float, float]) -> str:
         drawn += f'<circle cx="{x(now):.1f}" cy="23" r="6" fill="{FALL_COLOUR}"/>'
         drawn += f'<text x="{width / 2}" y="8" text-anchor="middle">centre of pressure {1e3 * now:+.0f} mm</text>'
     return _svg(width, height, drawn, "centre of pressure within the foot")
+
+
+def strip(title: str, ago: Array, curves: list[tuple[Array, str]], span: float, up: tuple[float, float] | None) -> str:
+    """Curves (values, colour) over the last `span` [s]; `ago` [s], negative. A nan is a gap. up: from .. to; None: from 0."""
+    width, height, left, top, bottom = 2 * SQUARE, 104, 34, 18, 86
+    if up is None:
+        known = np.concatenate([values[np.isfinite(values)] for values, _ in curves])
+        largest = float(known.max()) if len(known) else 0.0
+        up = (0.0, next((end for end in TOPS if end >= largest), TOPS[-1]))
+    low, high = up
+    x = left + (width - left - 8) * (1 + np.clip(ago, -span, 0) / span)
+    drawn = (
+        f'<path d="M{left} {top}V{bottom}H{width - 8}" fill="none" stroke="#999"/>'
+        f'<text x="{width / 2}" y="11" text-anchor="middle">{title}</text>'
+        f'<text x="{left - 3}" y="{bottom}" text-anchor="end">{low:g}</text>'
+        f'<text x="{left - 3}" y="{top + 8}" text-anchor="end">{high:g}</text>'
+        f'<text x="{left}" y="{bottom + 13}">-{span:g} s</text>'
+        f'<text x="{width - 8}" y="{bottom + 13}" text-anchor="end">now</text>'
+    )
+    if low < 0 < high:
+        middle = bottom + (bottom - top) * low / (high - low)
+        drawn += f'<path d="M{left} {middle:.1f}H{width - 8}" stroke="#ddd"/>'
+    for values, colour in curves:
+        y = bottom - (bottom - top) * (np.clip(values, low, high) - low) / (high - low)
+        path, pen = "", "M"
+        for a, b in zip(x, y, strict=True):
+            path, pen = (path + f"{pen}{a:.1f} {b:.1f}", "L") if math.isfinite(b) else (path, "M")
+        drawn += f'<path d="{path or "M0 0"}" fill="none" stroke="{colour}" stroke-width="2"/>'
+    return _svg(width, height, drawn, title)
 
 
 def row(*pictures: str) -> str:

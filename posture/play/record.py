@@ -96,7 +96,9 @@ class Board:
         self._scene, self._low, self._high = scene, low, high
         self._last, self._count = -math.inf, 0
         lines = [((low, -1.0), (low, 1.0)), ((low, 0.0), (high, 0.0)), ((low, -1.0), (high, -1.0))]
-        scene.add_line_segments("/board/axes", self._segments(lines), (150, 150, 150), thickness=1.5)
+        scene.add_line_segments(
+            "/board/axes", self._segments(lines), (150, 150, 150), thickness=1.5, thickness_units="screen"
+        )
         labels = [
             (low, 1, "+1", "bottom-right"), (low, 0, "0", "center-right"), (low, -1, "-1", "center-right"),
             (low, -1, f"{low:g} Hz", "top-left"), (high, -1, f"{high:g} Hz", "top-right"),
@@ -105,7 +107,9 @@ class Board:
         if transition is not None and low < transition < high:
             edges = np.linspace(-1, 1, 22).reshape(11, 2)
             dashes = [((transition, float(a)), (transition, float(b))) for a, b in edges]
-            scene.add_line_segments("/board/theory", self._segments(dashes), (60, 60, 60), thickness=1.5)
+            scene.add_line_segments(
+                "/board/theory", self._segments(dashes), (60, 60, 60), thickness=1.5, thickness_units="screen"
+            )
             labels.append((transition, -1, f"theory: {transition:.2f} Hz", "top-center"))
         for i, (freq, r, text, anchor) in enumerate(labels):
             scene.add_label(f"/board/label{i}", text, position=self._place(freq, r), anchor=anchor)  # type: ignore[arg-type]

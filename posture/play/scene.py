@@ -40,7 +40,16 @@ class Scene:
     def __init__(self, scene: viser.SceneApi, sole: tuple[float, float]) -> None:
         scene.set_up_direction("+z")
         scene.configure_default_lights(enabled=True, cast_shadow=False)  # shadows are dear without a GPU
-        scene.add_grid("/ground", 3.0, 2.0, cell_size=0.1, section_size=0.5, cell_thickness=0.5, section_thickness=1.0)
+        scene.add_grid(
+            "/ground",
+            3.0,
+            2.0,
+            cell_size=0.1,
+            section_size=0.5,
+            cell_thickness=0.5,
+            section_thickness=1.0,
+            thickness_units="screen",
+        )
         self._parts = {}
         for part in PARTS:
             self._parts[part] = scene.add_frame(f"/{part}", show_axes=False)
@@ -56,7 +65,7 @@ class Scene:
         self._target = scene.add_frame("/target", show_axes=False)
         scene.add_icosphere("/target/ball", TARGET_RADIUS, rgb(ORANGE), position=(0.0, 0.0, TARGET_HEIGHT))
         line = [[[0.0, 0.0, 1.42], [0.0, 0.0, TARGET_HEIGHT]]]
-        scene.add_line_segments("/target/line", np.array(line), rgb(ORANGE), thickness=2.0)
+        scene.add_line_segments("/target/line", np.array(line), rgb(ORANGE), thickness=2.0, thickness_units="screen")
         self._band = scene.add_box("/target/band", rgb(ORANGE), (1.0, 0.36, 0.3), opacity=0.35, position=(0.0, 0.0, 1.46))
         self._foot_middle = (sole[0] + sole[1]) / 2
         self._plate = scene.add_box("/plate", rgb(MODE_COLOUR["undefined"]), (0.5, 0.6, 0.004), opacity=0.6)
