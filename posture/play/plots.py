@@ -119,7 +119,7 @@ def foot(cop: Array, sole: tuple[float, float]) -> str:
 
 
 def strip(title: str, ago: Array, curves: list[tuple[Array, str]], span: float, up: tuple[float, float] | None) -> str:
-    """Curves (values, colour) over the last `span` [s]; `ago` [s], negative. A nan is a gap. up: from .. to; None: from 0."""
+    """Curves (values, colour) over the last `span` [s]; `ago` [s], negative. A nan is a gap. up: its ends; None: from 0."""
     width, height, left, top, bottom = 2 * SQUARE, 104, 34, 18, 86
     if up is None:
         known = np.concatenate([values[np.isfinite(values)] for values, _ in curves])

@@ -48,7 +48,6 @@ class Scene:
             section_size=0.5,
             cell_thickness=0.5,
             section_thickness=1.0,
-            thickness_units="screen",
         )
         self._parts = {}
         for part in PARTS:
