@@ -285,10 +285,13 @@ def test_a_recording_plays_without_python(browser, tmp_path):
     page.on("request", lambda request: requests.append(request.url[:100]))
     page.goto(path.as_uri())
     page.locator(".mantine-Slider-root").wait_for(timeout=1000 * PATIENCE_S)
-    page.wait_for_timeout(2500)
-    page.screenshot(path=SHOTS / "recording.png")
+    end, blue = time.monotonic() + PATIENCE_S, 0.0
+    while not 0.01 < blue < 0.5:  # the scene fades in; the body is blue
+        assert time.monotonic() < end, "the body is not seen"
+        page.wait_for_timeout(500)
+        page.screenshot(path=SHOTS / "recording.png")
+        pixels = np.asarray(Image.open(SHOTS / "recording.png").convert("RGB"), dtype=float)
+        blue = (pixels[..., 2] > pixels[..., 0] + 30).mean()
     assert problems == []
     assert [url for url in requests if not url.startswith(("data:", "blob:", path.as_uri()))] == []
-    pixels = np.asarray(Image.open(SHOTS / "recording.png").convert("RGB"), dtype=float)
-    assert 0.01 < (pixels[..., 2] > pixels[..., 0] + 30).mean() < 0.5, "the body is blue"
     page.close()
