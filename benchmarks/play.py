@@ -1,0 +1,92 @@
+"""What the page of posture.play takes: real-time factor, frames, and processor time of its process.
+
+    python benchmarks/play.py [--seconds 30] [--visitors 1] [--csv benchmarks/play.csv]
+
+Visitors are headless Chromium windows, which render in software and so take far more than the page's own process; they start
+first and count for nothing. One row a state: the default policy held at 0.3 Hz, in a ramp, and the model-based controller
+in a ramp, which plans anew all the time. CPU is that of the serving process, 100 % a core; the process that
+computes the theory is not counted.
+"""
+
+import argparse
+import os
+import shutil
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import hydra
+from playwright.sync_api import sync_playwright
+from shared import write
+
+from posture.config import read
+from posture.jobs import CONF, plain
+from posture.play.config import PlayConfig
+from posture.play.pilot import candidates
+from posture.play.server import opened
+
+ARGUMENTS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+SETTLE_S = 8.0
+
+
+def main() -> None:
+    """Measure, print and write."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--seconds", type=float, default=30.0)
+    parser.add_argument("--visitors", type=int, default=1)
+    parser.add_argument("--csv", type=Path, default=Path(__file__).with_name("play.csv"))
+    arguments = parser.parse_args()
+    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+        overrides = ["port=0", f"visitors={arguments.visitors}"]
+        config = read(PlayConfig, plain(hydra.compose("play", overrides)))
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        sys.exit("no chromium on this machine")
+    rows = []
+    with opened(config, candidates(config.ckpt, config.lqr)) as page, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=ARGUMENTS)
+        windows = [browser.new_page(viewport={"width": 1280, "height": 800}) for _ in range(arguments.visitors)]
+        for window in windows:
+            window.goto(f"http://127.0.0.1:{page.port}")
+        while len(page.visits) < arguments.visitors:
+            windows[0].wait_for_timeout(100)
+        visits = list(page.visits.values())
+        for state in ("held", "ramp", "lqr in a ramp"):
+            for visit in visits:
+                with visit._lock:
+                    if state == "lqr in a ramp":
+                        visit.session.choose("lqr")
+                    visit.session.set(freq=0.3)
+                    visit.session.reset()
+                    visit.session.ramp(0 if state == "held" else 1)
+            windows[0].wait_for_timeout(1000 * SETTLE_S)
+            rows.append({"state": state, "visitors": arguments.visitors} | measure(visits, windows, arguments.seconds))
+            print(rows[-1], flush=True)
+        browser.close()
+    write(rows, arguments.csv)
+
+
+def measure(visits: list[Any], windows: list[Any], seconds: float) -> dict[str, Any]:
+    """One row; of several visitors the slowest."""
+    count = (
+        "new Promise(r => {let n = 0; const t = performance.now(); const f = () => {n++; const d = performance.now() - t; "
+    )
+    count += f"d > {1000 * seconds} ? r(1000 * n / d) : requestAnimationFrame(f)}}; f()}})"
+    before = [(visit.session.time, visit.frames) for visit in visits]
+    wall, own, load = time.monotonic(), time.process_time(), os.getloadavg()[0]
+    drawn = windows[0].evaluate(count)
+    took = time.monotonic() - wall
+    return {
+        "real_time_factor": round(min((v.session.time - b[0]) / took for v, b in zip(visits, before, strict=True)), 3),
+        "frames_sent_per_s": round(min((v.frames - b[1]) / took for v, b in zip(visits, before, strict=True)), 1),
+        "frames_drawn_per_s": round(drawn, 1),
+        "cpu_percent": round(100 * (time.process_time() - own) / took, 1),
+        "falls": sum(visit.session.falls for visit in visits),
+        "load_average": round(load, 1),
+        "cores": os.cpu_count(),
+    }
+
+
+if __name__ == "__main__":
+    main()

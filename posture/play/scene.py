@@ -1,0 +1,191 @@
+"""The stander in 3-D: body, target with its tolerance, forces of the ground, in a scene of viser."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+import trimesh
+import viser
+from matplotlib.colors import to_rgb
+
+from envs.body import BODIES, MJCF
+from posture.figures import FALL_COLOUR, MODE_COLOUR, ORANGE, RED
+from posture.play.session import State
+from posture.trajectory import Array
+
+BODY_COLOUR, LIMB_COLOUR, LOAD_COLOUR = (79, 124, 172), (122, 157, 195), (70, 70, 75)
+TARGET_HEIGHT, TARGET_RADIUS = 1.7, 0.03  # [m] paper Table 1 has the height
+METRES_PER_NEWTON = 1.0 / 400.0  # of the arrows: the whole body's weight is about a metre
+BESIDE = np.array([[0.0, 0.09, 0.0], [0.0, -0.09, 0.0]])  # [m] the arrows stand outside the legs, which would hide them
+CAMERA, LOOK_AT, FIELD_OF_VIEW = (0.75, -3.3, 1.25), (0.1, 0.0, 0.95), 0.7
+
+# Bodies that move as one in the sagittal plane, drawn in the frame of the first.
+PARTS = {"hat": ("hat",), "leg": ("leg_left", "leg_right"), "foot": ("foot_left", "foot_right")}
+
+
+class Shape(NamedTuple):
+    """A solid of a part, in the part's frame [m], with its colour."""
+
+    vertices: Array
+    faces: Array
+    colour: tuple[int, int, int]
+
+
+class Scene:
+    """Draws states into `scene`, of a server or of one of its clients."""
+
+    def __init__(self, scene: viser.SceneApi, sole: tuple[float, float]) -> None:
+        scene.set_up_direction("+z")
+        scene.configure_default_lights(enabled=True, cast_shadow=False)  # shadows are dear without a GPU
+        scene.add_grid(
+            "/ground",
+            3.0,
+            2.0,
+            cell_size=0.1,
+            section_size=0.5,
+            cell_thickness=0.5,
+            section_thickness=1.0,
+        )
+        self._parts = {}
+        for part in PARTS:
+            self._parts[part] = scene.add_frame(f"/{part}", show_axes=False)
+            for i, shape in enumerate(_shapes()[part]):
+                scene.add_mesh_simple(f"/{part}/{i}", shape.vertices, shape.faces, color=shape.colour)
+        hat_com = _hat_com()
+        self._load = scene.add_icosphere(
+            "/hat/load", 1.0, LOAD_COLOUR, position=(hat_com[0], -0.16, hat_com[2]), visible=False
+        )
+        # Across the head at its centre, to be seen against the band of the tolerance.
+        pin = trimesh.creation.cylinder(0.006, segment=[[0, -0.19, 0.19], [0, 0.19, 0.19]], sections=8)
+        scene.add_mesh_simple("/hat/pin", pin.vertices, pin.faces, color=(20, 20, 20))
+        self._target = scene.add_frame("/target", show_axes=False)
+        scene.add_icosphere("/target/ball", TARGET_RADIUS, rgb(ORANGE), position=(0.0, 0.0, TARGET_HEIGHT))
+        line = [[[0.0, 0.0, 1.42], [0.0, 0.0, TARGET_HEIGHT]]]
+        scene.add_line_segments("/target/line", np.array(line), rgb(ORANGE), thickness=2.0, thickness_units="screen")
+        self._band = scene.add_box("/target/band", rgb(ORANGE), (1.0, 0.36, 0.3), opacity=0.35, position=(0.0, 0.0, 1.46))
+        self._foot_middle = (sole[0] + sole[1]) / 2
+        self._plate = scene.add_box("/plate", rgb(MODE_COLOUR["undefined"]), (0.5, 0.6, 0.004), opacity=0.6)
+        self._force = scene.add_arrows(
+            "/force", np.zeros((2, 2, 3)), rgb(FALL_COLOUR), shaft_radius=0.008, head_radius=0.022, head_length=0.05
+        )
+        self._label = scene.add_label("/label", "", position=(0.1, 0.0, 1.9), anchor="bottom-center", font_screen_scale=1.6)
+        self._shown: dict[str, object] = {}
+
+    def show(self, state: State, tolerance: float, load: float) -> None:
+        """Move everything to `state`; tolerance [m] and load [kg] as they are now."""
+        for part, bodies in PARTS.items():
+            pose = state.pose[BODIES.index(bodies[0])]
+            frame = self._parts[part]
+            frame.position = pose[:3]
+            frame.wxyz = pose[[6, 3, 4, 5]]
+        self._target.position = (state.target, 0.0, 0.0)
+        foot = state.pose[BODIES.index("foot_left")]
+        self._plate.position = (foot[0] + self._foot_middle, 0.0, -0.004)
+        at = state.at + BESIDE
+        self._force.points = np.stack([at, at + METRES_PER_NEWTON * state.force], axis=1).astype(np.float32)
+        lost = abs(state.head - state.target) > tolerance
+        if self._changed("band", (tolerance, lost)):
+            self._band.scale = (2 * tolerance, 1.0, 1.0)
+            self._band.color = rgb(RED if lost else ORANGE)
+        if self._changed("load", load):
+            self._load.visible = load > 0
+            # As large as so much lead.
+            self._load.scale = max(1e-3, (3 * load / (4 * np.pi * 11_340)) ** (1 / 3))
+
+    def name(self, mode: str, text: str) -> None:
+        """Name the mode above the body and colour the ground under its feet by it."""
+        if self._changed("text", text):
+            self._label.text = text
+        if self._changed("mode", mode):
+            self._plate.color = rgb(MODE_COLOUR[mode])
+
+    def _changed(self, what: str, value: object) -> bool:
+        """Whether `value` is news, since what does not change need not be sent."""
+        news = self._shown.get(what) != value
+        self._shown[what] = value
+        return news
+
+
+def look(camera: viser.CameraHandle | viser.InitialCameraConfig) -> None:
+    """Let `camera` see the stander from its right, a little from the front."""
+    camera.position, camera.look_at, camera.fov = CAMERA, LOOK_AT, FIELD_OF_VIEW
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    r, g, b = (round(255 * x) for x in to_rgb(colour))
+    return r, g, b
+
+
+@cache
+def _placed() -> tuple[Any, Any]:
+    """The body standing upright, as MuJoCo reads its file."""
+    model = mujoco.MjModel.from_xml_path(str(MJCF))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+@cache
+def _shapes() -> dict[str, list[Shape]]:
+    """The solids of each part, all of one colour as one mesh."""
+    model, data = _placed()
+    found = {}
+    for part, bodies in PARTS.items():
+        origin = data.body(bodies[0]).xpos
+        meshes: dict[tuple[int, int, int], list[trimesh.Trimesh]] = {}
+        for i in range(model.ngeom):
+            geom = model.geom(i)
+            if model.body(geom.bodyid[0]).name not in bodies or geom.contype[0]:
+                continue
+            mesh = _mesh(geom, data.geom(i))
+            mesh.apply_translation(-origin)
+            arm = "arm" in geom.name or "hand" in geom.name
+            meshes.setdefault(LIMB_COLOUR if arm or part != "hat" else BODY_COLOUR, []).append(mesh)
+        if part == "hat":
+            meshes[BODY_COLOUR].append(_trunk(meshes[BODY_COLOUR]))
+        if part == "leg":
+            meshes[LIMB_COLOUR] += _knees(meshes[LIMB_COLOUR])
+        joined = {colour: trimesh.util.concatenate(several) for colour, several in meshes.items()}
+        found[part] = [Shape(mesh.vertices, mesh.faces, colour) for colour, mesh in joined.items()]
+    return found
+
+
+def _hat_com() -> Array:
+    model, _ = _placed()
+    return np.asarray(model.body("hat").ipos)
+
+
+def _mesh(geom: Any, placed: Any) -> trimesh.Trimesh:
+    """A sphere or capsule where it is in the world."""
+    if geom.type[0] == mujoco.mjtGeom.mjGEOM_SPHERE:
+        mesh = trimesh.creation.uv_sphere(radius=geom.size[0], count=[20, 20])
+    else:
+        mesh = trimesh.creation.capsule(height=2 * geom.size[1], radius=geom.size[0], count=[16, 16])
+        mesh.apply_translation(-mesh.bounds.mean(axis=0))
+    transform = np.eye(4)
+    transform[:3, :3], transform[:3, 3] = placed.xmat.reshape(3, 3), placed.xpos
+    mesh.apply_transform(transform)
+    return mesh
+
+
+def _trunk(solids: list[trimesh.Trimesh]) -> trimesh.Trimesh:
+    """What fills the gaps between neighbours along the midline, and a neck: seen, without mass."""
+    trunk = sorted((mesh for mesh in solids if mesh.bounds[:, 2].max() < 0.15), key=lambda mesh: mesh.centroid[2])
+    hulls = [trimesh.convex.convex_hull(np.vstack([a.vertices, b.vertices])) for a, b in zip(trunk, trunk[1:], strict=False)]
+    neck = trimesh.creation.cylinder(0.045, segment=[[0, 0, 0.03], [0, 0, 0.15]], sections=16)
+    return trimesh.util.concatenate([*hulls, neck])
+
+
+def _knees(solids: list[trimesh.Trimesh]) -> list[trimesh.Trimesh]:
+    """What fills the gap between thigh and shin, which are one rigid leg: seen, without mass."""
+    filled = []
+    for side in (1.0, -1.0):
+        # In the left leg's frame the right leg is on the other side of y = -0.1 m.
+        thigh, shin = sorted((m for m in solids if (m.centroid[1] + 0.1) * side > 0), key=lambda m: -m.centroid[2])
+        low = thigh.vertices[thigh.vertices[:, 2] < thigh.bounds[0, 2] + 0.055]
+        high = shin.vertices[shin.vertices[:, 2] > shin.bounds[1, 2] - 0.045]
+        filled.append(trimesh.convex.convex_hull(np.vstack([low, high])))
+    return filled
