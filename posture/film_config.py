@@ -1,36 +1,27 @@
-"""Configuration of the films; values and units in conf/film.yaml."""
+"""Configuration of the films; values, units and sources in conf/film.yaml."""
 
-from typing import Annotated, Any
+from typing import Annotated, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from envs.config import Freq, Seconds, Strict
-from posture.config import EnvChanges, EvaluationConfig, check_engine
+from envs.config import Freq, Ramp, Seconds, Strict
+from posture.config import EnvChanges, check_engine
 from posture.path_text import PathText
 from posture.published import Paper
 
+FRAMES_A_CYCLE = 4
+"""With fewer the eye sees another motion than the one that is filmed."""
+
 
 class FilmEnv(EnvChanges):
-    """The targets that are filmed, and changes to the environment of the policy."""
+    """Changes to the environment of the filmed policy, and its targets."""
 
-    freq: Annotated[tuple[Freq, ...], Field(min_length=1, max_length=4)]
-
-    @field_validator("freq", mode="before")
-    @classmethod
-    def _one_or_several(cls, value: Any) -> Any:
-        return value if isinstance(value, (list, tuple)) else [value]
-
-    @property
-    def changes(self) -> EnvChanges:
-        """The changes alone, without the ramp, which has a film of its own."""
-        return EnvChanges(**(self.model_dump(exclude={"freq"}) | {"ramp": None}))
-
-
-class PhasesConfig(Strict):
-    """Seconds of film for one cycle, slowed down or sped up, and for its last picture."""
-
-    cycle: Annotated[float, Field(ge=0.1, le=60)]
-    hold: Annotated[float, Field(ge=0, le=60)]
+    freq: Annotated[
+        tuple[Freq, ...],
+        BeforeValidator(lambda value: value if isinstance(value, (list, tuple)) else (value,)),
+        Field(min_length=1, max_length=4),
+    ]
+    ramp: Ramp
 
 
 class FilmConfig(Strict):
@@ -39,22 +30,33 @@ class FilmConfig(Strict):
     ckpt: PathText
     device: str
     out: PathText | None
-    fps: Annotated[int, Field(ge=1, le=50)]
-    height: Annotated[int, Field(ge=96, le=2160, multiple_of=2)]
+    films: Annotated[tuple[Literal["two_modes", "ramp"], ...], Field(min_length=1)]
+    formats: Annotated[tuple[Literal["mp4", "gif"], ...], Field(min_length=1)]
+    env: FilmEnv
+    settle: Annotated[float, Field(ge=0, le=100_000)]
     shortest: Seconds
     longest: Seconds
-    phases: PhasesConfig
-    env: FilmEnv
-    evaluation: EvaluationConfig
+    fps: Annotated[float, Field(ge=5, le=50)]
+    width: Annotated[int, Field(ge=60, le=1920, multiple_of=2)]
     paper: Paper
 
     @model_validator(mode="after")
     def _consistent(self) -> "FilmConfig":
         check_engine(self.env.physics, self.device)
-        if 100 % self.fps:
-            allowed = ", ".join(str(fps) for fps in range(1, 51) if 100 % fps == 0)
-            raise ValueError(f"fps = {self.fps}: a GIF cannot show that rate; allowed are {allowed}")
-        seconds = max(1 / min(self.env.freq), self.env.ramp.duration if self.env.ramp else 0.0)
-        if seconds > self.longest:
-            raise ValueError(f"env: a film of {seconds:g} s; allowed is up to longest = {self.longest:g} s (cycle or ramp)")
+        if "two_modes" in self.films:
+            for freq in self.env.freq:
+                if freq > self.fps / FRAMES_A_CYCLE:
+                    raise ValueError(
+                        f"env.freq = {freq:g}: fewer than {FRAMES_A_CYCLE} frames to a cycle; allowed is up to "
+                        f"{self.fps / FRAMES_A_CYCLE:g} Hz with fps = {self.fps:g}"
+                    )
+                if 1 / freq > self.longest:
+                    raise ValueError(
+                        f"env.freq = {freq:g}: a cycle lasts {1 / freq:g} s, longer than a film; allowed is "
+                        f"{1 / self.longest:g} Hz or more with longest = {self.longest:g}"
+                    )
+        if "ramp" in self.films and self.env.ramp.duration > self.longest:
+            raise ValueError(
+                f"env.ramp.duration = {self.env.ramp.duration:g}: allowed is up to longest = {self.longest:g} s"
+            )
         return self

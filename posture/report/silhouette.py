@@ -22,7 +22,8 @@ import mujoco
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
-from matplotlib.patches import Circle, Patch, PathPatch
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, PathPatch
 from matplotlib.path import Path as Outline
 from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull
@@ -32,8 +33,9 @@ from posture.trajectory import Array
 BODY_COLOUR, TARGET_COLOUR, GROUND_COLOUR = "#4F7CAC", "#E69F00", "#555555"
 HIP_COLOUR, ANKLE_COLOUR = "#CC79A7", "#009E73"  # those of the joints in every figure
 DOT_RADIUS, TARGET_RADIUS = 0.018, 0.03  # of the marks, not of the body [m]
-PALENESS = (0.45, 0.65, 0.0, 0.2)  # of trunk, head, leg with foot, and arm: the share of white
 NECK_WIDTH = 0.6  # as a share of the shoulders' radius
+
+PALENESS = (0.45, 0.65, 0.0, 0.2)  # of trunk, head, leg and foot, arm: from back to front, 1 is white
 
 NEAR = "_right"
 SIDES = ("_left", NEAR)
@@ -49,6 +51,22 @@ class Disc(NamedTuple):
 
 Solid = tuple[Disc, ...]
 """The convex hull of its discs: of one for a sphere, of two for a capsule."""
+
+
+class DrawnBody(NamedTuple):
+    """The artists of a drawn stander, from back to front: of each layer its fill and its edge, then hip and ankle."""
+
+    layers: list[PathPatch]
+    joints: list[Circle]
+    shift: float  # of the drawing along x [m]
+
+    def move(self, hip: float, ankle: float, foot_x: float = 0.0) -> None:
+        """Move the artists to `hip` and `ankle` angle [rad], `foot_x` [m], in place of drawing anew."""
+        outlines = [outline for layer in _layers(hip, ankle, foot_x, self.shift) for outline in layer]
+        for patch, outline in zip(self.layers, outlines, strict=True):
+            patch.set_path(outline)
+        for circle, (x, z) in zip(self.joints, joint_positions(hip, ankle, foot_x), strict=True):
+            circle.center = x + self.shift, z
 
 
 def joint_positions(hip: float, ankle: float, foot_x: float = 0.0) -> Array:
@@ -92,33 +110,23 @@ def draw_body(
     shift: float = 0.0,
     alpha: float = 1.0,
     colour: str = BODY_COLOUR,
-) -> list[Patch]:
+) -> DrawnBody:
     """Draw the stander at `hip` and `ankle` angle [rad], its two joints as dots; the aspect of `ax` becomes equal.
 
     `shift` [m] moves the drawing along x and nothing else. From back to front: trunk and head, leg, arm, as seen from
-    the right. `alpha` below 1 suits several bodies in one place. Returns what was drawn, for `move_body`.
+    the right. `alpha` below 1 suits several bodies in one place.
     """
+    body = DrawnBody([], [], shift)
     style = {"alpha": alpha, "zorder": 2}
-    patches: list[Patch] = []
     # One path a layer: where its solids overlap it is filled once, so that a low alpha does not show the overlap.
-    for (filled, edge), paleness in zip(_body_outlines(hip, ankle, foot_x, shift), PALENESS, strict=True):
-        patches.append(PathPatch(filled, fc=_mixed(colour, "white", paleness), ec="none", **style))
-        patches.append(PathPatch(edge, fc="none", ec=_mixed(colour, "black", 0.5), lw=0.6, **style))
+    for (whole, solid), paleness in zip(_layers(hip, ankle, foot_x, shift), PALENESS, strict=True):
+        body.layers.append(ax.add_patch(PathPatch(whole, fc=_mixed(colour, "white", paleness), ec="none", **style)))
+        body.layers.append(ax.add_patch(PathPatch(solid, fc="none", ec=_mixed(colour, "black", 0.5), lw=0.6, **style)))
     for (x, z), dot in zip(joint_positions(hip, ankle, foot_x), (HIP_COLOUR, ANKLE_COLOUR), strict=True):
-        patches.append(Circle((x + shift, z), DOT_RADIUS, facecolor=dot, edgecolor="white", lw=0.7, **style))
-    for patch in patches:
-        ax.add_patch(patch)
+        circle = Circle((x + shift, z), DOT_RADIUS, facecolor=dot, edgecolor="white", lw=0.7, alpha=alpha, zorder=2)
+        body.joints.append(ax.add_patch(circle))
     ax.set_aspect("equal")
-    return patches
-
-
-def move_body(patches: Sequence[Patch], hip: float, ankle: float, *, foot_x: float = 0.0, shift: float = 0.0) -> None:
-    """Bring a body that `draw_body` drew to other angles [rad] and another place [m]; cheaper than drawing it anew."""
-    paths = [path for layer in _body_outlines(hip, ankle, foot_x, shift) for path in layer]
-    for patch, path in zip(patches, paths, strict=False):
-        patch.set_path(path)
-    for dot, (x, z) in zip(patches[len(paths) :], joint_positions(hip, ankle, foot_x), strict=True):
-        dot.set_center((x + shift, z))
+    return body
 
 
 def draw_ground(ax: Axes, left: float, right: float) -> None:
@@ -126,10 +134,11 @@ def draw_ground(ax: Axes, left: float, right: float) -> None:
     ax.plot([left, right], [0.0, 0.0], color=GROUND_COLOUR, lw=1.2, solid_capstyle="butt", zorder=1)
 
 
-def draw_target(ax: Axes, x: float, height: float, *, head_height: float = 0.0) -> None:
-    """The target as a ball at (`x`, `height`) [m], and a dashed line from it down to `head_height` [m]."""
-    ax.plot([x, x], [head_height, height], color=TARGET_COLOUR, lw=1.0, ls=(0, (3, 2)), zorder=3)
-    ax.add_patch(Circle((x, height), TARGET_RADIUS, facecolor=TARGET_COLOUR, edgecolor="black", lw=0.5, zorder=3))
+def draw_target(ax: Axes, x: float, height: float, *, head_height: float = 0.0) -> tuple[Line2D, Circle]:
+    """The target as a ball at (`x`, `height`) [m], and a dashed line from it down to `head_height` [m]; line and ball."""
+    (line,) = ax.plot([x, x], [head_height, height], color=TARGET_COLOUR, lw=1.0, ls=(0, (3, 2)), zorder=3)
+    ball = Circle((x, height), TARGET_RADIUS, facecolor=TARGET_COLOUR, edgecolor="black", lw=0.5, zorder=3)
+    return line, ax.add_patch(ball)
 
 
 def draw_phases(
@@ -197,8 +206,8 @@ def _pose(hip: float, ankle: float, foot_x: float) -> Any:
     return data
 
 
-def _body_outlines(hip: float, ankle: float, foot_x: float, shift: float) -> list[tuple[Outline, Outline]]:
-    """Of each layer of the body, back to front, the outline to fill, which has no gaps, and that of its solids."""
+def _layers(hip: float, ankle: float, foot_x: float, shift: float) -> list[tuple[Outline, Outline]]:
+    """Of each layer of the drawing, in the order of PALENESS: what is filled, and the solids in it, which have edges."""
     parts = {part: list(found.values()) for part, found in solids(hip, ankle, foot_x).items()}
     ankle_joint = joint_positions(hip, ankle, foot_x)[1]
     layers: tuple[tuple[list[Solid], list[Solid]], ...] = (
