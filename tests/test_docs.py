@@ -38,6 +38,8 @@ SHRUNK = {
         "figure_13={hip_k: [50, 100], freq: [0.3, 0.5], step: 0.2}",
         "around={ankle_k: [25], load: [0], tolerance: [0.025]}",
     ],
+    "film": ["width=120", "fps=6", "settle=0", "films=[two_modes]"],
+    "export": EVALUATION,
     "reproduce": ["seeds=1", f"overrides=[{OVERRIDES}]", "out=report", "parallel=2"],
 }
 """Of each entry point, python -m posture.<entry>: what is appended to a command so that it takes seconds."""
@@ -45,8 +47,10 @@ RESUMED = ["max_iterations=102"]
 """What is appended where a run goes on: all else is its own."""
 
 INSTALLS = "installs into .venv"
+SERVES = "serves until it is stopped"
 LONG = "takes minutes at any size"
 NOT_RUN = {
+    "make play": INSTALLS,
     "make train": INSTALLS,
     "make check": INSTALLS,
     "make setup": INSTALLS,
@@ -55,7 +59,10 @@ NOT_RUN = {
     "make reproduce seeds=1": INSTALLS,
     "make benchmark": INSTALLS,
     "pip install -e '.[cluster]'": INSTALLS,
-    "tensorboard --logdir runs": "serves until it is stopped",
+    "pip install -e '.[export]'": INSTALLS,
+    "tensorboard --logdir runs": SERVES,
+    "python -m posture.play": SERVES,
+    "python -m posture.play ckpt=runs/<run>": SERVES,
     "python -m posture.reproduce launcher=submitit_slurm": "needs a cluster",
     "torchrun --nproc-per-node 4 -m posture.train device=cuda": "needs GPUs; test_parallel.py runs it on the CPU",
     "python benchmarks/learners.py --learners ours": LONG,
@@ -63,6 +70,7 @@ NOT_RUN = {
 """Commands of the documents that the slow test leaves out, and why. Their arguments are checked all the same."""
 
 FIGURES = {
+    "results/film/": "python -m posture.film",
     "docs/theory_map.png": "python -m posture.theory",
     "results/reproduction/figures/": "python -m posture.reproduce",
 }
@@ -110,11 +118,13 @@ def checked(monkeypatch, name, arguments):
 
     def only_check(config_name, kind, task):
         GlobalHydra.instance().clear()
-        found.append(jobs.check(config_name, kind, cli._expanded(arguments)))
+        found.append(jobs.check(config_name, kind, cli._expanded(sys.argv[1:])))
 
     monkeypatch.setattr(cli, "run", only_check)
     monkeypatch.setattr(jobs, "check_device", lambda device: None)  # a document may speak of a GPU that is not here
     monkeypatch.setattr(sys, "argv", [name, *arguments])
+    monkeypatch.setattr(run_dir, "find_run", lambda name: Path("runs") / name)  # `latest` is a run of the user's
+    monkeypatch.setattr("signal.signal", lambda *_: None)  # these are the test's own
     runpy.run_module(f"posture.{name}", run_name="__main__")
     assert found, f"posture.{name} does not go through posture.cli.run"
     return found[0].jobs

@@ -12,7 +12,7 @@ import torch
 from envs.body import BODIES, JOINTS
 from envs.sagittal import SagittalSimulation
 from envs.segments import segments
-from envs.simulation import simulate
+from envs.simulation import simulate, top_speed
 from envs.spatial import SpatialSimulation
 from tests.mujoco_c import MujocoC
 
@@ -267,13 +267,17 @@ def test_one_step_from_random_states_agrees_with_mujoco_c(config, kind, friction
         reference.step(torque[world], config.solver.substeps)
         history.append(reference.read())
     exact, ours = {key: np.stack([shown[key] for shown in history]) for key in SHOWN}, seen(sim)
+    sound = ~sim.diverged.numpy()
+    if not sound.all():  # dug up so fast that it is no motion any more, in MuJoCo as well
+        assert kind == "buried" and sound.mean() > 0.95
+        speeds = [np.abs(exact[key]).reshape(worlds, -1).max(1) for key in ("joint_velocity", "body_velocity")]
+        assert (np.maximum(*speeds)[~sound] > top_speed(rough)).all()
     fast = 1.0 + np.abs(exact["joint_velocity"]).max(1)
     hard = 1.0 + np.abs(exact["sole_force"]).max((1, 2, 3))
     for key, scale, allowed in (("joint_angle", fast, 5e-6), ("joint_velocity", fast, 5e-4), ("sole_force", hard, 2e-3)):
-        found = np.abs(ours[key] - exact[key]).reshape(worlds, -1).max(1) / scale
+        found = (np.abs(ours[key] - exact[key]).reshape(worlds, -1).max(1) / scale)[sound]
         allowed *= max(1.0, friction**-2)
         assert found.max() < allowed and np.quantile(found, 0.99) < allowed / 5, key
-    assert not bool(sim.diverged.any())
 
 
 @pytest.mark.parametrize("friction", [0.2, 1.0])

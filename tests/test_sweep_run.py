@@ -84,7 +84,7 @@ def test_a_failing_job_stops_no_other_and_is_named(monkeypatch, capsys, launcher
     told = capsys.readouterr()
     assert stop.value.code == 1
     assert "sweep: 1 of 2 jobs done" in told.out
-    assert re.search(rf"failed: .*{broken.name}: IsADirectoryError", told.out)
+    assert re.search(rf"failed: .*{broken.name}: .*provenance.yaml: cannot be read .*Is a directory", told.out)
     assert "Traceback" in (broken / "error.txt").read_text() and "Traceback" not in told.out + told.err
     assert (sound / "model_2.pt").exists() and not (sound / "error.txt").exists()
     (broken / "provenance.yaml").rmdir()
