@@ -107,6 +107,9 @@ def _alone(kind: type[Config], task: Callable[[Config, Path], None], composed: D
         task(read(kind, jobs.plain(composed)), Path(HydraConfig.get().runtime.output_dir))
     except ConfigError as error:
         _refuse(error)  # here, since Hydra would add lines of its own
+    except FloatingPointError as error:
+        print(f"error: {one_line(error)}", file=sys.stderr)
+        sys.exit(1)
 
 
 def _refuse(error: Exception) -> NoReturn:

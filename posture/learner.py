@@ -33,6 +33,7 @@ class Learner(OnPolicyRunner):
         config["algorithm"]["class_name"] = "posture.ppo:LeanPPO"
         # rsl-rl would save after iterations 1, 51, 101, ...; `save` is asked every time and keeps 50, 100, ... and the last.
         config["save_interval"] = 1
+        config["check_for_nan"] = False  # LeanPPO looks for infinities too, and on all processes together
         self._save_interval, self._last = agent.save_interval, 0
         with contextlib.redirect_stdout(io.StringIO()):  # rsl-rl prints its networks
             super().__init__(env, config, log_dir=str(folder), device=device)

@@ -99,6 +99,10 @@ def _join(place: int, processes: int, meeting: str) -> None:
 
 def _other(place: int, processes: int, meeting: str, work: Callable[..., None], arguments: tuple[Any, ...]) -> None:
     _join(place, processes, meeting)
-    with contextlib.suppress(KeyboardInterrupt), open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
+    with (
+        contextlib.suppress(KeyboardInterrupt, FloatingPointError),
+        open(os.devnull, "w") as nowhere,
+        contextlib.redirect_stdout(nowhere),
+    ):
         work(*arguments)
     dist.destroy_process_group()
