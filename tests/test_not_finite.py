@@ -42,15 +42,14 @@ def spoil_loss(monkeypatch, name):
     ("term", "value"),
     [("reward", torch.nan), ("reward", torch.inf), ("observation", torch.inf), ("surrogate", None), ("entropy", None)],
 )
-@pytest.mark.parametrize("processes", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_what_is_not_finite_is_named_and_not_saved(tmp_path, monkeypatch, capsys, term, value, processes):
+def test_what_is_not_finite_is_named_and_not_saved(tmp_path, monkeypatch, capsys, term, value):
     monkeypatch.chdir(tmp_path)
     if value is None:
         spoil_loss(monkeypatch, term)
     else:
         spoil_environment(monkeypatch, term, value)
     with pytest.raises(SystemExit) as stop:
-        call(monkeypatch, "train", *TINY, "max_iterations=4", "evaluate=false", f"processes={processes}")
+        call(monkeypatch, "train", *TINY, "max_iterations=4", "evaluate=false")
     told = capsys.readouterr()
     assert stop.value.code == 1
     (line,) = told.err.strip().splitlines()
