@@ -7,8 +7,12 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
-MAX_FREQ_HZ = 10.0
-"""Above this a period has fewer than six control steps, and the target is no longer a motion to follow [Hz]."""
+MIN_FREQ_HZ, MAX_FREQ_HZ = 0.001, 10.0
+"""Frequencies of the target [Hz]: a period is 1000 s at most."""
+STEPS_A_PERIOD = 6
+"""With fewer control steps in a period the target is no longer a motion to follow."""
+MAX_PHYSICS_STEP_S = 0.01
+"""Half the time constant of contact in humanoid.xml [s]: with longer steps the engines would soften the ground unasked."""
 
 
 class Strict(BaseModel):
@@ -19,72 +23,87 @@ class Strict(BaseModel):
     @field_validator("*", mode="before")
     @classmethod
     def _no_truth_for_a_number(cls, value: Any, info: ValidationInfo) -> Any:
-        if isinstance(value, bool) and cls.model_fields[str(info.field_name)].annotation is not bool:
-            raise ValueError(f"{str(value).lower()} is not allowed here")
+        if cls.model_fields[str(info.field_name)].annotation is not bool:
+            for part in value if isinstance(value, (list, tuple)) else (value,):
+                if isinstance(part, bool):
+                    raise ValueError(f"{str(part).lower()} is not allowed here")
         return value
 
 
-Positive = Annotated[float, Field(gt=0)]
-NonNegative = Annotated[float, Field(ge=0)]
-NonPositive = Annotated[float, Field(le=0)]
-Steps = Annotated[int, Field(ge=1)]
+# Upper ends are far beyond what makes sense, and within what physics in single precision stands: springs are integrated
+# explicitly, and stiffer ones would be unstable at the longest physics step without armature and damping.
+Freq = Annotated[float, Field(ge=MIN_FREQ_HZ, le=MAX_FREQ_HZ)]
+Seconds = Annotated[float, Field(gt=0, le=100_000)]
+Steps = Annotated[int, Field(ge=1, le=10_000_000)]
+Amplitude = Annotated[float, Field(ge=0.001, le=2)]
+HipStiffness = Annotated[float, Field(ge=0, le=2000)]
+AnkleStiffness = Annotated[float, Field(ge=0, le=400)]
+Load = Annotated[float, Field(ge=0, le=50)]
+Sharpness = Annotated[float, Field(gt=0, le=10_000)]
 Physics = Literal["sagittal", "mujoco", "mujoco_c"]
-Freq = Annotated[float, Field(gt=0, le=MAX_FREQ_HZ)]
 
 
 class Ramp(Strict):
     """A target whose frequency changes linearly: `start` [Hz], `rate` [Hz/s], for `duration` [s], then holds."""
 
     start: Annotated[float, Field(ge=0, le=MAX_FREQ_HZ)]
-    rate: float
-    duration: Positive
+    rate: Annotated[float, Field(ge=-MAX_FREQ_HZ, le=MAX_FREQ_HZ)]
+    duration: Seconds
+
+    @property
+    def end(self) -> float:
+        """Frequency at its end [Hz]."""
+        return round(self.start + self.rate * self.duration, 9)  # 0.9 - 0.036 x 25 is 0, not a rounding error below it
 
     @model_validator(mode="after")
     def _stays_in_range(self) -> "Ramp":
-        end = self.start + self.rate * self.duration
-        if not 0.0 <= end <= MAX_FREQ_HZ:
-            raise ValueError(f"the ramp ends at {end:g} Hz; allowed is 0..{MAX_FREQ_HZ:g} Hz")
+        if not 0.0 <= self.end <= MAX_FREQ_HZ:
+            raise ValueError(f"the ramp ends at {self.end:g} Hz; allowed is 0..{MAX_FREQ_HZ:g} Hz")
+        if max(self.start, self.end) < MIN_FREQ_HZ:
+            raise ValueError(f"the ramp stays below {MIN_FREQ_HZ:g} Hz: its target would not move")
         return self
 
 
 class Schedule(Strict):
     """A weight that goes from `start` to `end` geometrically over `steps` control steps of each world, then holds."""
 
-    start: float
-    end: float
-    steps: Annotated[int, Field(ge=1)]
+    start: Annotated[float, Field(ge=-10_000, le=10_000)]
+    end: Annotated[float, Field(ge=-10_000, le=10_000)]
+    steps: Annotated[int, Field(ge=1, le=1_000_000_000)]
 
     @model_validator(mode="after")
     def _geometric(self) -> "Schedule":
         if not self.start * self.end > 0.0:
             raise ValueError("start and end must both be positive or both negative (the path between them is geometric)")
+        if not 1e-9 <= self.end / self.start <= 1e9:
+            raise ValueError("start and end must not lie further apart than a factor of 1e9")
         return self
 
 
-Weight = float | Schedule
+Weight = Annotated[float, Field(ge=-10_000, le=10_000)] | Schedule
 
 
 class RewardConfig(Strict):
     """Terms of paper Eq. 6-10 and of the authors' code; see envs/rewards.py for the formula that joins them."""
 
     stay_weight: Weight
-    stay_sharpness: Positive
+    stay_sharpness: Sharpness
     target_weight: Weight
-    target_sharpness: Positive
+    target_sharpness: Sharpness
     alive: Weight
-    joint_limit_weight: NonNegative
+    joint_limit_weight: Annotated[float, Field(ge=0, le=10_000)]
     torque_unit: Literal["newton_metre", "normalised"]
     energy_unit: Literal["joule", "normalised", "authors_code"]
     ended: Weight | None
-    scale: Positive
+    scale: Annotated[float, Field(ge=1e-6, le=1000)]
 
 
 class TerminationConfig(Strict):
     """What ends an episode early; null: it does not."""
 
-    fall_height: Positive
-    foot_motion: Positive | None
-    head_tolerance: Positive | None
+    fall_height: Annotated[float, Field(gt=0, le=1.2)]  # the torso stands at 1.29 m
+    foot_motion: Annotated[float, Field(gt=0, le=1)] | None
+    head_tolerance: Annotated[float, Field(gt=0, le=2)] | None
 
 
 class SolverConfig(Strict):
@@ -104,20 +123,23 @@ class EnvConfig(Strict):
     freq: Freq | tuple[Freq, Freq]
     freq_draw: Literal["uniform", "stratified"]
     ramp: Ramp | None
-    amplitude: Positive
-    hip_k: NonNegative
-    ankle_k: NonNegative
-    load: NonNegative
-    energy_weight: Annotated[float, Field(ge=0)] | Schedule
+    amplitude: Amplitude
+    hip_k: HipStiffness
+    ankle_k: AnkleStiffness
+    load: Load
+    energy_weight: Annotated[float, Field(ge=0, le=10_000)] | Schedule
 
     physics: Physics
-    control_dt: Annotated[float, Field(gt=0, le=0.1)]
+    control_dt: Annotated[float, Field(ge=1e-5, le=0.1)]
     episode_steps: Steps | tuple[Steps, Steps]
-    joint_damping: NonNegative
-    joint_armature: NonNegative
-    torque_limit: Positive
-    friction: Positive
-    observations: Annotated[dict[str, Annotated[tuple[str, ...], Field(min_length=1)]], Field(min_length=1)]
+    joint_damping: Annotated[float, Field(ge=0, le=1000)]
+    joint_armature: Annotated[float, Field(ge=0, le=10)]
+    torque_limit: Annotated[float, Field(ge=1, le=500)]
+    friction: Annotated[float, Field(ge=0.01, le=5)]
+    observations: Annotated[
+        dict[Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")], Annotated[tuple[str, ...], Field(min_length=1)]],
+        Field(min_length=1),
+    ]
 
     reward: RewardConfig
     termination: TerminationConfig
@@ -129,12 +151,35 @@ class EnvConfig(Strict):
             raise ValueError(f"freq: a range goes from low to high, got {list(self.freq)}")
         if isinstance(self.episode_steps, tuple) and not self.episode_steps[0] <= self.episode_steps[1]:
             raise ValueError(f"episode_steps: a range goes from low to high, got {list(self.episode_steps)}")
-        tolerance = self.termination.head_tolerance
-        if tolerance is not None and tolerance > 2 * self.amplitude:
+        if self.control_dt / self.solver.substeps > MAX_PHYSICS_STEP_S * (1 + 1e-9):
             raise ValueError(
-                f"termination.head_tolerance: {tolerance:g} m is beyond the target's whole path of {2 * self.amplitude:g} m"
+                f"control_dt: {self.control_dt:g} s in {self.solver.substeps} solver.substeps make physics steps of "
+                f"{self.control_dt / self.solver.substeps:g} s; allowed is at most {MAX_PHYSICS_STEP_S:g} s"
+            )
+        check_followed(self.highest_freq, self.control_dt, "freq" if self.ramp is None else "ramp")
+        tolerance = self.termination.head_tolerance
+        if tolerance is not None and tolerance > self.amplitude:
+            raise ValueError(
+                f"termination.head_tolerance: {tolerance:g} m leaves the head no motion to make; allowed is at most the "
+                f"target's amplitude of {self.amplitude:g} m"
             )
         return self
+
+    @property
+    def highest_freq(self) -> float:
+        """The highest frequency that a target can have [Hz]."""
+        if self.ramp is not None:
+            return max(self.ramp.start, self.ramp.end)
+        return max(self.freq) if isinstance(self.freq, tuple) else self.freq
+
+
+def check_followed(freq: float, control_dt: float, key: str) -> None:
+    """Raise ValueError, which names `key`, where a period at `freq` [Hz] has too few control steps of `control_dt` [s]."""
+    if freq * control_dt * STEPS_A_PERIOD > 1.0 + 1e-9:
+        raise ValueError(
+            f"{key}: a period at {freq:g} Hz has fewer than {STEPS_A_PERIOD} control steps of {control_dt:g} s; allowed is "
+            f"at most {1.0 / (STEPS_A_PERIOD * control_dt):.4g} Hz"
+        )
 
 
 def as_plain(config: BaseModel) -> dict[str, Any]:

@@ -86,7 +86,7 @@ def one_line(error: Exception) -> str:
     text = re.sub(
         r"\n\s*(full_key|object_type|Config search path|To append to your config|See https).*", "", str(error), flags=re.S
     )
-    return re.sub(r"\s*\n\s*", " ", text).strip()
+    return " ".join(text.split())
 
 
 def _sweep(start: Callable[[], None]) -> None:

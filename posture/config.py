@@ -8,17 +8,45 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal, TypeVar
 
 import torch
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, Field, ValidationError, model_validator
 
-from envs.config import MAX_FREQ_HZ, EnvConfig, Freq, NonNegative, Physics, Positive, Ramp, Strict
+from envs.config import (
+    Amplitude,
+    AnkleStiffness,
+    EnvConfig,
+    Freq,
+    HipStiffness,
+    Load,
+    Physics,
+    Ramp,
+    Seconds,
+    Steps,
+    Strict,
+    check_followed,
+)
 from envs.observations import TERMS
+from posture.config_error import ConfigError as ConfigError
+from posture.config_error import one_line
+from posture.path_text import PathText
+from posture.published import Paper
 
-Count = Annotated[int, Field(ge=1)]
 Share = Annotated[float, Field(gt=0, le=1)]
+Small = Annotated[float, Field(ge=1e-9, le=1)]
+Tolerance = Annotated[float, Field(gt=0, le=2)]
+MAX_SAMPLES = 10_000_000
+"""Control steps times worlds of one evaluation: what is recorded of so many takes some gigabytes of memory."""
 
 
-class ConfigError(Exception):
-    """The user's input is wrong; the message is one line. Entry points end with exit code 2."""
+def _known_terms(env: EnvConfig) -> EnvConfig:
+    for group, terms in env.observations.items():
+        unknown = sorted(set(terms) - set(TERMS))
+        if unknown:
+            raise ValueError(f"observations.{group}: unknown {', '.join(unknown)}; allowed are {', '.join(sorted(TERMS))}")
+    return env
+
+
+Environment = Annotated[EnvConfig, AfterValidator(_known_terms)]
+"""The task's configuration, with terms of observation that there are."""
 
 
 class ObsGroups(Strict):
@@ -32,19 +60,19 @@ class AlgorithmConfig(Strict):
     """rsl-rl's PPO, its keys unrenamed."""
 
     class_name: Literal["PPO"]
-    num_learning_epochs: Count
-    num_mini_batches: Count
-    clip_param: Positive
+    num_learning_epochs: Annotated[int, Field(ge=1, le=1000)]
+    num_mini_batches: Annotated[int, Field(ge=1, le=1_000_000)]
+    clip_param: Small
     gamma: Share
     lam: Annotated[float, Field(ge=0, le=1)]
-    value_loss_coef: NonNegative
-    entropy_coef: NonNegative
-    learning_rate: Positive
-    max_grad_norm: Positive
+    value_loss_coef: Annotated[float, Field(ge=0, le=1000)]
+    entropy_coef: Annotated[float, Field(ge=0, le=1000)]
+    learning_rate: Small
+    max_grad_norm: Annotated[float, Field(gt=0, le=1e6)]
     optimizer: Literal["adam", "adamw", "sgd", "rmsprop"]
     use_clipped_value_loss: bool
     schedule: Literal["adaptive", "fixed"]
-    desired_kl: Positive
+    desired_kl: Small
     normalize_advantage_per_mini_batch: bool
 
 
@@ -52,8 +80,8 @@ class DistributionConfig(Strict):
     """rsl-rl's Gaussian action distribution with a standard deviation that does not depend on the state."""
 
     class_name: Literal["GaussianDistribution"]
-    init_std: Positive
-    std_range: tuple[Positive, Positive]
+    init_std: Annotated[float, Field(ge=1e-6, le=1e6)]
+    std_range: tuple[Annotated[float, Field(ge=1e-6, le=1e6)], Annotated[float, Field(ge=1e-6, le=1e6)]]
     std_type: Literal["log", "scalar"]
 
     @model_validator(mode="after")
@@ -67,7 +95,7 @@ class CriticConfig(Strict):
     """rsl-rl's MLPModel."""
 
     class_name: Literal["MLPModel"]
-    hidden_dims: Annotated[tuple[Count, ...], Field(min_length=1)]
+    hidden_dims: Annotated[tuple[Annotated[int, Field(ge=1, le=4096)], ...], Field(min_length=1, max_length=16)]
     activation: Literal["elu", "selu", "relu", "crelu", "lrelu", "tanh", "sigmoid", "softplus", "gelu", "swish", "mish"]
     obs_normalization: bool
 
@@ -81,8 +109,8 @@ class ActorConfig(CriticConfig):
 class AgentConfig(Strict):
     """What rsl-rl's OnPolicyRunner is given."""
 
-    num_steps_per_env: Count
-    save_interval: Count
+    num_steps_per_env: Annotated[int, Field(ge=1, le=100_000)]
+    save_interval: Steps
     obs_groups: ObsGroups
     algorithm: AlgorithmConfig
     actor: ActorConfig
@@ -93,38 +121,32 @@ class EvaluationConfig(Strict):
     """How a policy is evaluated; units and sources in conf/evaluation/."""
 
     freq: Annotated[tuple[Freq, ...], Field(min_length=1, max_length=500)]
-    duration: Positive
-    transient: NonNegative
-    tolerance: Positive
-    still_joint_deg: Positive
+    duration: Seconds
+    transient: Annotated[float, Field(ge=0, le=100_000)]
+    tolerance: Tolerance
+    still_joint_deg: Annotated[float, Field(gt=0, le=360)]
     figures: bool
 
 
 class TrainConfig(Strict):
     """Everything that `posture.train` is told, and what a run folder keeps as config.yaml."""
 
-    env: EnvConfig
+    env: Environment
     agent: AgentConfig
     evaluation: EvaluationConfig
     seed: Annotated[int, Field(ge=0, lt=2**31)]
     device: str
     processes: Annotated[int, Field(ge=1, le=256)]
-    threads: Count
-    max_iterations: Count
-    resume: str | None
+    threads: Annotated[int, Field(ge=1, le=1024)]
+    max_iterations: Steps
+    resume: PathText | None
     evaluate: bool
-    paper: dict[str, Any]
+    paper: Paper
 
     @model_validator(mode="after")
     def _consistent(self) -> "TrainConfig":
         check_trial(self.evaluation, self.env)
         check_engine(self.env.physics, self.device)
-        for group, terms in self.env.observations.items():
-            unknown = sorted(set(terms) - set(TERMS))
-            if unknown:
-                raise ValueError(
-                    f"env.observations.{group}: unknown {', '.join(unknown)}; allowed are {', '.join(sorted(TERMS))}"
-                )
         known = set(self.env.observations)
         for network, groups in (("actor", self.agent.obs_groups.actor), ("critic", self.agent.obs_groups.critic)):
             missing = sorted(set(groups) - known)
@@ -148,10 +170,10 @@ class TrainConfig(Strict):
 class EnvChanges(Strict):
     """Changes to the environment of a run under evaluation; None: as trained."""
 
-    hip_k: NonNegative | None
-    ankle_k: NonNegative | None
-    load: NonNegative | None
-    amplitude: Positive | None
+    hip_k: HipStiffness | None
+    ankle_k: AnkleStiffness | None
+    load: Load | None
+    amplitude: Amplitude | None
     physics: Physics | None
     ramp: Ramp | None
 
@@ -159,13 +181,13 @@ class EnvChanges(Strict):
 class LqrConfig(Strict):
     """The model-based controller (posture/lqr.py), and the environment that it acts in before `EnvChanges`."""
 
-    env: EnvConfig
-    angle: Positive
-    velocity: Positive
-    torque: Positive
-    fade_in: Positive
-    foot_margin: NonNegative
-    tolerance_margin: NonNegative
+    env: Environment
+    angle: Annotated[float, Field(ge=0.001, le=10)]
+    velocity: Annotated[float, Field(ge=0.001, le=1000)]
+    torque: Annotated[float, Field(ge=0.001, le=1000)]
+    fade_in: Annotated[float, Field(ge=0.001, le=100_000)]
+    foot_margin: Annotated[float, Field(ge=0, le=0.05)]  # heel and toe are 0.19 m apart
+    tolerance_margin: Annotated[float, Field(ge=0, le=2)]
 
 
 class EvalConfig(Strict):
@@ -173,17 +195,24 @@ class EvalConfig(Strict):
 
     policy: Literal["trained", "lqr"]
     lqr: LqrConfig
-    ckpt: str
+    ckpt: PathText
     device: str
-    out: str | None
+    out: PathText | None
     again: bool
     env: EnvChanges
     evaluation: EvaluationConfig
-    paper: dict[str, Any]
+    paper: Paper
 
     @model_validator(mode="after")
     def _consistent(self) -> "EvalConfig":
         check_engine(self.env.physics or (self.lqr.env.physics if self.policy == "lqr" else None), self.device)
+        if self.policy == "lqr":
+            check_trial(self.evaluation, self.lqr.env)
+            if self.lqr.tolerance_margin >= self.evaluation.tolerance:
+                raise ValueError(
+                    f"lqr.tolerance_margin: {self.lqr.tolerance_margin:g} m leaves nothing of the evaluation.tolerance of "
+                    f"{self.evaluation.tolerance:g} m"
+                )
         return self
 
 
@@ -195,13 +224,13 @@ def read(kind: type[Config], values: Mapping[str, Any], where: str = "") -> Conf
     try:
         return kind.model_validate(values)
     except ValidationError as error:
-        raise ConfigError((f"{where}: " if where else "") + _one_line(error)) from None
+        raise ConfigError((f"{where}: " if where else "") + one_line(error)) from None
 
 
 def check_device(device: str) -> None:
     """Raise ConfigError unless torch can compute on `device` here."""
-    if not re.fullmatch(r"cpu|cuda(:\d+)?", device):
-        raise ConfigError(f"device: '{device}' is not known; allowed are cpu, cuda, cuda:0, cuda:1, ...")
+    if not re.fullmatch(r"cpu|cuda(:[0-9]{1,4})?", device):
+        raise ConfigError(f"device: {device!r} is not known; allowed are cpu, cuda, cuda:0, cuda:1, ...")
     if device == "cpu":
         return
     if not torch.cuda.is_available():
@@ -217,38 +246,17 @@ def check_engine(physics: Physics | None, device: str) -> None:
 
 
 def check_trial(evaluation: EvaluationConfig, env: EnvConfig) -> None:
-    """Raise ValueError unless a trial lasts for two control steps or more after its transient."""
+    """Raise ValueError unless a trial lasts for two control steps or more after its transient, can be kept in memory, and
+    its targets are slow enough for the control step."""
     steps = round(evaluation.duration / env.control_dt)
     if (steps - 1) * env.control_dt < evaluation.transient:
         raise ValueError(
             f"evaluation.transient: {evaluation.transient:g} s leaves nothing of a trial of {evaluation.duration:g} s in "
             f"control steps of {env.control_dt:g} s"
         )
-
-
-_UNION_BRANCHES = {"float", "int", "Schedule", "Ramp", "tuple", "constrained-float"}
-
-
-def _one_line(error: ValidationError) -> str:
-    errors = error.errors()
-    # Of a union pydantic reports every branch: the branch that took the value's shape and refused its content says most.
-    first = next((e for e in errors if e["type"] == "value_error"), errors[0])
-    names = [str(part) for part in first["loc"] if not _is_branch(str(part))]
-    place, message, given = ".".join(names), first["msg"].removeprefix("Value error, "), first["input"]
-    if first["type"] == "value_error":
-        return f"{place}: {message}" if place and not message.startswith(place) else message
-    if first["type"] == "extra_forbidden":
-        return f"{place}: no such key"
-    if first["type"] == "missing":
-        return f"{place}: missing"
-    if place == "env.freq" and len(errors) > 1:
-        return f"env.freq = {given}: allowed is a number in (0, {MAX_FREQ_HZ:g}] Hz, or a range [low, high] of such numbers"
-    if place == "env.episode_steps" and len(errors) > 1:
-        return f"{place} = {given}: allowed is a whole number of at least 1, or a range [low, high] of such numbers"
-    if len(errors) > 1 and any("Schedule" in str(e["loc"]) for e in errors):
-        return f"{place} = {given}: allowed is a number, or a schedule {{start: .., end: .., steps: ..}}"
-    return f"{place} = {given!r}: {message[0].lower()}{message[1:]}"
-
-
-def _is_branch(part: str) -> bool:
-    return part in _UNION_BRANCHES or part.startswith(("constrained", "tuple[", "function-"))
+    if steps * len(evaluation.freq) > MAX_SAMPLES:
+        raise ValueError(
+            f"evaluation.duration: {evaluation.duration:g} s in control steps of {env.control_dt:g} s at "
+            f"{len(evaluation.freq)} frequencies make {steps * len(evaluation.freq):,} samples; allowed are {MAX_SAMPLES:,}"
+        )
+    check_followed(max(evaluation.freq), env.control_dt, "evaluation.freq")

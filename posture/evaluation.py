@@ -13,7 +13,7 @@ from envs.head_tracking import HeadTrackingEnv
 from posture import run_dir
 from posture.atomic import replacing
 from posture.code_version import analysis_version, envs_version
-from posture.config import ConfigError, EnvChanges, EvaluationConfig, LqrConfig, TrainConfig, check_engine, check_trial
+from posture.config import ConfigError, EnvChanges, EvaluationConfig, LqrConfig, TrainConfig, check_engine, check_trial, read
 from posture.coordination import Row, indices, read_csv, write_csv
 from posture.figures import draw_all
 from posture.lqr import LqrController, plan
@@ -206,7 +206,7 @@ def trial_config(env: EnvConfig, evaluation: EvaluationConfig, changes: EnvChang
     values["num_envs"] = len(evaluation.freq)
     values["episode_steps"] = 2 * round(evaluation.duration / env.control_dt) + 1
     values["termination"] |= {"foot_motion": None, "head_tolerance": None}
-    return EnvConfig.model_validate(values)
+    return read(EnvConfig, values)
 
 
 def load_policy(content: dict[str, Any], env: HeadTrackingEnv, run: TrainConfig, model: Path) -> Policy:

@@ -4,19 +4,26 @@ A slip in the last of eight values thus does not surface after seven trainings, 
 its folders alone, whichever of Hydra's launchers runs it.
 """
 
+import contextlib
+import errno
 import hashlib
 import json
+import os
 import re
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import hydra
 from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
+from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
+from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 from pydantic import BaseModel
 
 from posture import run_dir
@@ -61,10 +68,14 @@ def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
     if flags - {"-m", "--multirun"}:
         return Command(list(argv), [], None)  # --help, --cfg and the like run no job
     given = [argument for argument in argv if not argument.startswith("-")]
-    parser = OverridesParser.create()
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+    with _input(), hydra.initialize_config_dir(str(CONF), version_base="1.3"):
         if not flags:
-            return Command(list(argv), [Job(_checked(kind, _composed(name, given)), Path())], None)
+            composed = _composed(name, given)
+            config = _checked(kind, composed)
+            if not Path(composed.hydra.run.dir).is_dir():  # an evaluation need not write where it is started
+                _check_folder(Path(composed.hydra.run.dir))
+            return Command(list(argv), [Job(config, Path())], None)
+        parser = OverridesParser.create(GlobalHydra.instance().config_loader())
         parsed = parser.parse_overrides(given)
         fixed = [override for override in parsed if not override.is_sweep_override()]
         whole = _composed(name, [_text(override) for override in fixed])
@@ -87,6 +98,7 @@ def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
             if getattr(config, "resume", None) is not None:
                 raise ConfigError("resume goes on with one run: not together with -m")
             jobs.append(Job(config, Path(composed.hydra.sweep.dir) / composed.hydra.sweep.subdir))
+        _check_folders(jobs, Path(str(whole.hydra.sweep.dir)))
         return Command([*argv, *more], jobs, str(whole.hydra.runtime.choices["hydra/launcher"]))
 
 
@@ -128,11 +140,47 @@ OmegaConf.register_new_resolver("posture.sweep_folder", sweep_folder, use_cache=
 OmegaConf.register_new_resolver("posture.job_folder", job_folder, replace=True)
 
 
-def _composed(name: str, overrides: list[str]) -> DictConfig:
+def _check_folders(jobs: Sequence[Job], sweep: Path) -> None:
+    """Raise ConfigError unless every job has a folder of its own within that of the sweep, in which it can write."""
+    if not jobs:
+        raise ConfigError("the sweep is empty: a range or choice has no value in it")
+    seen: set[Path] = set()
+    for job in jobs:
+        if sweep.resolve() not in job.folder.resolve().parents:
+            raise ConfigError(
+                f"hydra.sweep.subdir: the job's folder {job.folder} does not lie within that of the sweep, {sweep}"
+            )
+        if job.folder.resolve() in seen:
+            raise ConfigError(f"two jobs of the sweep would have the folder {job.folder}: give each value once")
+        seen.add(job.folder.resolve())
+        _check_folder(job.folder)
+
+
+def _check_folder(folder: Path) -> None:
+    """Raise ConfigError where `folder` is not there and cannot be made, or where it cannot be written to; makes nothing."""
     try:
-        return hydra.compose(name, overrides, return_hydra_config=True)
-    except ValueError as error:  # what Hydra raises for a group that is given no name
-        raise ConfigError(str(error)) from None
+        near = next(place for place in (folder, *folder.absolute().parents) if place.exists() or place.is_symlink())
+        if not near.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+        with tempfile.TemporaryFile(dir=near):
+            pass
+    except OSError as error:
+        raise ConfigError(f"cannot write to the folder {folder}: {error.strerror}") from None
+
+
+@contextlib.contextmanager
+def _input() -> Iterator[None]:
+    """Within it whatever Hydra raises is an answer to the user's input: it meets some of that with errors of Python."""
+    try:
+        yield
+    except (ConfigError, HydraException, OmegaConfBaseException):
+        raise
+    except Exception as error:
+        raise ConfigError(f"the command line cannot be read: {error}") from None
+
+
+def _composed(name: str, overrides: list[str]) -> DictConfig:
+    return hydra.compose(name, overrides, return_hydra_config=True)
 
 
 def _checked(kind: type[BaseModel], composed: DictConfig) -> BaseModel:

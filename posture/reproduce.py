@@ -53,13 +53,15 @@ def reproduce(config: ReproduceConfig, _folder: Path) -> None:
             failed |= run(evaluation(name, config), "eval")
     if "report" in config.stages or "ship" in config.stages:
         # Only now, so that bad input is answered before physics takes seconds to import.
-        from posture.report.document import write_report
+        from posture.report.document import warnings, write_report
         from posture.report.results import collect
         from posture.ship import ship
 
         results = collect(all_jobs, trials, config.search)
         if results is None:
             raise ConfigError("no policy of Exp. 1 is done: run the stage train first")
+        for warning in warnings(results):
+            print(warning.replace("**", ""), file=sys.stderr)
         if "report" in config.stages:
             print(write_report(results, Path(config.out), commands(config), _ramp_start(trials["ramp"])))
         if "ship" in config.stages:

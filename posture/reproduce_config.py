@@ -1,10 +1,12 @@
 """Configuration of the reproduction; values in conf/reproduce.yaml."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from envs.config import Freq, Strict
+from posture.path_text import PathText
+from posture.published import Paper
 
 Stage = Literal["train", "evaluate", "report", "ship"]
 
@@ -12,14 +14,14 @@ Stage = Literal["train", "evaluate", "report", "ship"]
 class ReproduceConfig(Strict):
     """Everything that `posture.reproduce` is told."""
 
-    seeds: Annotated[int, Field(ge=1)]
+    seeds: Annotated[int, Field(ge=1, le=1000)]
     stages: Annotated[tuple[Stage, ...], Field(min_length=1)]
     launcher: Literal["joblib", "basic", "submitit_local", "submitit_slurm"]
     parallel: Annotated[int, Field(ge=1, le=1024)]
-    out: str
+    out: PathText
     search: tuple[Freq, Freq]
     overrides: tuple[str, ...]
-    paper: dict[str, Any]
+    paper: Paper
 
     @model_validator(mode="after")
     def _consistent(self) -> "ReproduceConfig":

@@ -18,21 +18,36 @@ from typing import Any
 from posture import run_dir
 from posture.config import ConfigError, TrainConfig
 from posture.jobs import Job
+from posture.lock import is_busy, locked
 
 TOLD_EVERY_S = 30.0
 """Seconds between two lines about a sweep whose jobs do not speak for themselves."""
 
 
 def guarded(task: Callable[[], None], folder: Path, quiet: bool) -> None:
-    """Run the job `task` in `folder`, so that its failure is kept there and does not stop the other jobs.
+    """Run the job `task` in `folder`, so that its failure is kept there and does not stop the other jobs. A job that another
+    process is at work on is left to it.
 
     `quiet`: what it prints goes to log.txt.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    about: dict[str, Any] = {"state": "running", "began": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")}
-    if status(folder).get("state") != "done":  # it stays done if this start is cut short
-        run_dir.write_yaml(folder / "status.yaml", about)
-    (folder / "error.txt").unlink(missing_ok=True)
+    with contextlib.ExitStack() as stack:
+        try:
+            stack.enter_context(locked(folder))
+        except ConfigError as busy:
+            print(f"left out: {busy}", flush=True)
+            return
+        about: dict[str, Any] = {
+            "state": "running",
+            "began": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        }
+        if status(folder).get("state") != "done":  # it stays done if this start is cut short
+            run_dir.write_yaml(folder / "status.yaml", about)
+        (folder / "error.txt").unlink(missing_ok=True)
+        run_dir.write_yaml(folder / "status.yaml", about | _outcome(task, folder, quiet))
+
+
+def _outcome(task: Callable[[], None], folder: Path, quiet: bool) -> dict[str, Any]:
+    """Run the job; how it ended, for status.yaml."""
     with contextlib.ExitStack() as stack:
         if quiet:
             log = stack.enter_context((folder / "log.txt").open("a", encoding="utf-8", buffering=1))
@@ -40,15 +55,14 @@ def guarded(task: Callable[[], None], folder: Path, quiet: bool) -> None:
             stack.enter_context(contextlib.redirect_stderr(log))
         try:
             task()
-            about["state"] = "done"
         except Exception as error:
             reason = " ".join(str(error).split())
             if not isinstance(error, ConfigError):
                 reason = f"{type(error).__name__}: {reason}"
-            about |= {"state": "failed", "error": reason}
             (folder / "error.txt").write_text(traceback.format_exc(), encoding="utf-8")
             print(f"failed: {reason}", flush=True)
-    run_dir.write_yaml(folder / "status.yaml", about)
+            return {"state": "failed", "error": reason}
+    return {"state": "done"}
 
 
 @dataclass
@@ -108,7 +122,8 @@ def sum_up(jobs: Sequence[Job], before: int) -> bool:
     lost = [(job, about) for job, about in lost if about.get("state") != "done"]
     print(f"sweep: {len(jobs) - len(lost)} of {len(jobs)} jobs done" + (f", {before} of them before" if before else ""))
     for job, about in lost:
-        print(f"failed: {job.folder}: {about.get('error', 'it did not end')}")
+        reason = "another process is at work on it" if is_busy(job.folder) else about.get("error", "it did not end")
+        print(f"failed: {job.folder}: {reason}")
     return not lost
 
 

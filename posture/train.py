@@ -11,6 +11,7 @@ import torch
 
 from posture import cli, parallel, run_dir
 from posture.config import ConfigError, TrainConfig, check_device, check_engine
+from posture.lock import locked
 from posture.progress import preparing
 
 RESUME_KEYS = {"resume", "max_iterations", "device", "threads", "evaluate"}
@@ -18,7 +19,13 @@ RESUME_KEYS = {"resume", "max_iterations", "device", "threads", "evaluate"}
 
 
 def train(config: TrainConfig, folder: Path) -> None:
-    """Run one training job in `folder`; where the folder of an experiment's job holds a part of it, only what is missing."""
+    """Run one training job, alone in `folder`; where the folder of an experiment's job holds a part of it, only what is
+    missing."""
+    with locked(folder):
+        _train(config, folder)
+
+
+def _train(config: TrainConfig, folder: Path) -> None:
     if config.resume is not None:
         config = _resumed(config, folder)
     begun = config.resume is not None or (folder / "resume.pt").exists()

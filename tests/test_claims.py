@@ -235,9 +235,9 @@ def test_tracking_that_stays_as_close_is_no_dip(paper_like: dict[str, list[Row]]
     ("seeds", "dip", "scatter", "outcome"),
     [
         (1, 0.0015, 0.0, "reproduced"),
-        (1, 0.0005, 0.0, "partly"),  # without an interval
+        (1, 0.0005, 0.0, "not"),  # without an interval
         (3, 0.0005, 0.0, "reproduced"),
-        (3, 0.0005, 0.001, "partly"),  # intervals that overlap
+        (3, 0.0005, 0.001, "not"),  # intervals that overlap
         (3, 0.01, 0.001, "reproduced"),
     ],
 )
@@ -310,7 +310,7 @@ def test_the_ramp_is_judged_by_centred_windows_seed_by_seed() -> None:
     ]
     verdict = found({"ramp": rows})["ramp_transition"]
     assert verdict.verdict == "partly" and "changes of sign: seed 2 3" in verdict.measured  # their mean lies within 0.05 Hz
-    assert verdict.measured.count("changes of sign") == 1 and "0.09 Hz higher" in verdict.rule
+    assert verdict.measured.count("changes of sign") == 1 and "at a higher frequency" in verdict.rule
     # By trailing windows alone it would be the paper's.
     late = [{**r, "transition_centred_hz": 0.5, "transition_trailing_hz": 0.69} for r in rows]
     assert found({"ramp": late})["ramp_transition"].verdict == "not"
@@ -374,9 +374,20 @@ def test_an_amplitude_that_matters_as_much_as_frequency_is_not_reproduced(paper_
 def test_amplitudes_are_judged_where_all_conditions_have_values(paper_like: dict[str, list[Row]]) -> None:
     some = [r for r in paper_like["amplitude"] if r["amplitude_m"] != 0.12]
     verdict = found({"amplitude": some})["amplitude"]
-    assert verdict.verdict == "not measured" and "no value in 10 of 40 conditions" in verdict.measured
+    assert verdict.verdict == "not measured" and "in 10 of 40 conditions" in verdict.measured
     rows = changed(paper_like["amplitude"], fallen, amplitude_m=0.12, freq_hz=1.5)
     assert found({"amplitude": rows})["amplitude"].verdict == "not measured"
+
+
+def test_amplitudes_are_told_over_the_frequencies_that_have_all(paper_like: dict[str, list[Row]]) -> None:
+    # As above with slope 2; without 1.5 Hz the range that begins at 0.75 Hz ends at 1.35 Hz: it is no longer a factor of 2.
+    rows = [{**r, "hip_ankle_r": 10 * (r["amplitude_m"] - 0.06) + 2 * r["freq_hz"]} for r in paper_like["amplitude"]]
+    verdict = found({"amplitude": changed(rows, fallen, amplitude_m=0.12, freq_hz=1.5)})["amplitude"]
+    assert verdict.verdict == "not measured" and "in 1 of 40 conditions" in verdict.measured
+    told = "over the 9 frequencies that have all amplitudes the correlation differs by 0.60 between amplitudes"
+    assert told in verdict.measured
+    assert "by 0.75 between frequencies over the same factor" in verdict.measured  # 2 x the mean of 0.15, 0.3, 0.45, 0.6
+    assert "by 2.40 over all of them (0.15 to 1.35 Hz)" in verdict.measured
 
 
 # --- rules and means

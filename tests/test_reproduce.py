@@ -56,6 +56,22 @@ def test_the_page_claims_nothing_where_everybody_fell(reproduced):
 
 
 @pytest.mark.slow
+def test_results_of_other_code_are_left_out_and_named(reproduced, monkeypatch, capfd):
+    monkeypatch.chdir(reproduced)
+    (run,) = run_dir.runs_in(Path("runs/frequency"))
+    about = run_dir.read_yaml(run / "evaluation" / "trial.yaml")
+    try:
+        run_dir.write_yaml(run / "evaluation" / "trial.yaml", about | {"envs_version": "of another day"})
+        call(monkeypatch, "reproduce", "seeds=1", OVERRIDES, "out=other", "stages=[report]")
+    finally:
+        run_dir.write_yaml(run / "evaluation" / "trial.yaml", about)
+    for told in (capfd.readouterr().err, Path("other/summary.md").read_text(), Path("other/report.html").read_text()):
+        assert "Left out" in told and f"1 ({run}/evaluation)" in told.replace("\\_", "_")
+    verdicts = {row["key"]: row["verdict"] for row in table(Path("other/tables/verdicts.csv"))}
+    assert {verdict for key, verdict in verdicts.items() if key.startswith("frequency")} == {"not measured"}
+
+
+@pytest.mark.slow
 def test_a_second_start_does_nothing_again(reproduced, monkeypatch, capfd):
     monkeypatch.chdir(reproduced)
     before = {path: path.stat().st_mtime_ns for path in Path("runs").rglob("*.npz")}

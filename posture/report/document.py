@@ -6,7 +6,6 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -14,18 +13,17 @@ from posture import run_dir
 from posture.atomic import replacing
 from posture.config import TrainConfig
 from posture.coordination import Row, write_csv
-from posture.jobs import Job
 from posture.report import page
 from posture.report import tables as report_tables
 from posture.report.claims import verdicts
 from posture.report.figures import draw_report
-from posture.report.page import Block, Commands, Figure, Section, Table, Text
+from posture.report.page import Block, Figure, Section, Table, Text
+from posture.report.provenance import left_out, made, mixed
 from posture.report.results import Results
 from posture.report.targets import Target, targets
-from posture.report.text import FIGURES, HOW_TO_READ, MADE, SUBTITLE, THEORY, TITLE
+from posture.report.text import FIGURES, HOW_TO_READ, SUBTITLE, THEORY, TITLE
 from posture.report.verdict import Verdict
 from posture.stander import segments
-from posture.sweep_run import progress
 
 
 def write_report(results: Results, out: Path, commands: Sequence[str], ramp_start: float) -> Path:
@@ -92,7 +90,12 @@ def _sections(
         Section(
             "Verdicts",
             "verdicts",
-            [Text(HOW_TO_READ.format_map(filled)), tables.verdict_table(claims), tables.target_table(aims)],
+            [
+                *(Text(warning) for warning in warnings(results)),
+                Text(HOW_TO_READ.format_map(filled)),
+                tables.verdict_table(claims),
+                tables.target_table(aims),
+            ],
         ),
         Section("Theory", "theory", [Text(_theory(results.transitions))]),
         Section("Body and learning", "body", [tables.body_table(run.env, paper), tables.learning_table(run, paper)]),
@@ -117,7 +120,7 @@ def _sections(
             [*([tables.engine_table(rows["engines"])] if "engines" in rows else []), *shown("engines")],
         ),
         Section("Claim by claim", "rules", [Text(_said(claim)) for claim in claims]),
-        Section("How this was made", "made", _made(results.jobs, commands)),
+        Section("How this was made", "made", made(results.jobs, commands)),
     ]
     return [section for section in sections if section.blocks]
 
@@ -127,6 +130,7 @@ def numbers(run: TrainConfig) -> dict[str, float]:
     paper = run.paper
     return {
         "travel": 2 * run.env.amplitude,
+        "amplitude": run.env.amplitude,
         "tolerance_mm": 1e3 * run.evaluation.tolerance,
         "duration": run.evaluation.duration,
         "energy_hz": paper["table_4"]["freq_hz"],
@@ -136,6 +140,11 @@ def numbers(run: TrainConfig) -> dict[str, float]:
         "load_kg": paper["experiment_4b"]["load_kg"][-1],
         "load_hz": paper["experiment_4b"]["freq_hz"],
     }
+
+
+def warnings(results: Results) -> list[str]:
+    """What a reader has to know of the results as a whole before any number."""
+    return [text for text in (mixed(results.jobs), left_out(results.left_out)) if text]
 
 
 def _said(claim: Verdict) -> str:
@@ -157,40 +166,6 @@ def _sentence(text: str) -> str:
 
 def _theory(transitions: Mapping[str, float]) -> str:
     return THEORY.format_map({name: "none" if math.isnan(f) else f"{f:.3f} Hz" for name, f in transitions.items()})
-
-
-def _made(jobs: Sequence[Job], commands: Sequence[str]) -> list[Block]:
-    """Which trainings there are, what they took, by which code and versions; and the commands."""
-    lines, starts = [], []
-    for experiment, group in groupby(jobs, key=lambda job: job.folder.parent.name):
-        own = list(group)
-        done = [job for job in own if progress(job) >= 1]
-        hours = sum(run_dir.training_seconds(job.folder) for job in done) / 3600
-        seeds = sorted({job.config.seed for job in done if isinstance(job.config, TrainConfig)})
-        lines.append([experiment, f"{len(done)} of {len(own)}", ", ".join(map(str, seeds)) or "-", f"{hours:.1f}"])
-        starts += [start for job in done for start in run_dir.read_yaml(job.folder / "provenance.yaml") or []]
-    about = {
-        "platforms": {start["platform"] for start in starts},
-        "pythons": {start["python"] for start in starts},
-        "versions": {f"{name} {version}" for start in starts for name, version in start["versions"].items()},
-        "codes": {f"`{start['envs_version']}`" for start in starts},
-        "commits": {f"`{start['git_commit']}`" for start in starts},
-    }
-    if len(about["codes"]) > 1:
-        about["codes"].add("**these are results of different code**")
-    days = sorted(start["started"][:10] for start in starts)
-    told = {name: ", ".join(sorted(found)) for name, found in about.items()}
-    return [
-        Table(
-            ["trainings", "done", "seeds", "hours"],
-            lines,
-            "Trainings; the hours of all jobs together, several of which ran at once and beside other work",
-            "lrrr",
-        ),
-        Text(MADE.format(first=days[0], last=days[-1], **told)),
-        Commands(commands),
-        Text("How to cite this software and the paper: CITATION.cff."),
-    ]
 
 
 def _even(rows: Sequence[Row]) -> list[Row]:

@@ -32,7 +32,8 @@ class Results:
 
     rows: by experiment, a row a seed and condition. traces: trajectories of the first seed by name (see `_traces`).
     transitions: theory's switch frequency [Hz] of the default stander: sinusoid, least, reward. jobs: all that train, done
-    or not. first: configuration of the first policy of Exp. 1.
+    or not. first: configuration of the first policy of Exp. 1. left_out: folders of results that are there, but of other
+    code, another configuration or another policy than the rest.
     """
 
     rows: dict[str, list[Row]]
@@ -40,13 +41,15 @@ class Results:
     transitions: dict[str, float]
     jobs: list[Job]
     first: TrainConfig
+    left_out: list[str]
 
 
 def collect(
     trained: Mapping[str, Sequence[Job]], evaluated: Mapping[str, Sequence[Job]], search: tuple[float, float]
 ) -> Results | None:
     """Read what the jobs left, by experiment: `trained` trained policies, `evaluated` took those of Exp. 1. None where no
-    policy of Exp. 1 is done yet. Jobs that are not done are left out, and so are runs that none of these jobs made.
+    policy of Exp. 1 is done yet. Jobs that are not done are left out; so are runs that none of these jobs made, and
+    evaluations of other code or conditions, which are named.
 
     `search`: where theory's transitions are looked for [Hz].
     """
@@ -55,9 +58,10 @@ def collect(
     if not policies:
         return None
     first = _config(policies[0])
-    rows = {name: [row for job in jobs for row in _own_rows(job)] for name, jobs in done.items()}
+    others = [str(run) for jobs in trained.values() for run in strangers(jobs)]
+    rows = {name: [row for job in jobs for row in _own_rows(job, others)] for name, jobs in done.items()}
     for name, trials in evaluated.items():
-        rows[name] = [row for policy in policies for trial in trials for row in _trial_rows(trial, policy)]
+        rows[name] = [row for policy in policies for trial in trials for row in _trial_rows(trial, policy, others)]
     alone = {"hip_stiffness": first.paper["experiment_3"]["freq_hz"]}
     for name in BESIDE_THE_REWARD:
         rows[name] = _beside_the_reward(rows.get(name, []), first, alone.get(name))
@@ -67,7 +71,15 @@ def collect(
         theory_transitions(first, search),
         [job for jobs in trained.values() for job in jobs],
         first,
+        others,
     )
+
+
+def strangers(jobs: Sequence[Job]) -> list[Path]:
+    """Runs with a checkpoint beside those of `jobs`: of other code of the physics or another configuration."""
+    own = {job.folder for job in jobs}
+    runs = [run for sweep in sorted({folder.parent for folder in own}) if sweep.is_dir() for run in run_dir.runs_in(sweep)]
+    return [run for run in runs if run not in own and run_dir.newest_model(run)]
 
 
 def theory_transitions(run: TrainConfig, search: tuple[float, float]) -> dict[str, float]:
@@ -88,23 +100,28 @@ def _config(job: Job) -> TrainConfig:
     return job.config
 
 
-def _own_rows(job: Job) -> list[Row]:
+def _own_rows(job: Job, left_out: list[str]) -> list[Row]:
     """The rows of a training's own evaluation."""
     run = _config(job)
-    return _rows(job, job.folder / "evaluation", run.evaluation, AS_TRAINED, run.device)
+    return _rows(job, job.folder / "evaluation", run.evaluation, AS_TRAINED, run.device, left_out)
 
 
-def _trial_rows(trial: Job, policy: Job) -> list[Row]:
+def _trial_rows(trial: Job, policy: Job, left_out: list[str]) -> list[Row]:
     """The rows of the policy that the job `policy` trained, in the job `trial`."""
     config = trial.config
     assert isinstance(config, EvalConfig)
-    return _rows(policy, trial.folder / policy.folder.name, config.evaluation, config.env, config.device)
+    return _rows(policy, trial.folder / policy.folder.name, config.evaluation, config.env, config.device, left_out)
 
 
-def _rows(policy: Job, out: Path, evaluation: EvaluationConfig, changes: EnvChanges, device: str) -> list[Row]:
-    """What `out` holds of a policy; nothing where that is of other conditions, another policy or other code."""
+def _rows(
+    policy: Job, out: Path, evaluation: EvaluationConfig, changes: EnvChanges, device: str, left_out: list[str]
+) -> list[Row]:
+    """What `out` holds of a policy; nothing where that is of other conditions, another policy or other code: then it is
+    added to `left_out`."""
     model, run = run_dir.newest_model(policy.folder), _config(policy)
     if model is None or not is_current(out, model, run, evaluation, changes, device):
+        if (out / "metrics.csv").exists():
+            left_out.append(str(out))
         return []
     return [condition(run, changes) | {"run": policy.folder.name} | row for row in read_csv(out / "metrics.csv")]
 

@@ -195,8 +195,9 @@ def ramp_claim(rows: Sequence[Row], published: Mapping[str, Any], transitions: T
         "When the frequency rises steadily, the modes switch at one frequency.",
         f"{hz:g} Hz; whether by a centred or a trailing window is not said",
         f"By centred windows, which are not late. Reproduced: every seed switches within {RAMP_HZ:g} Hz of {hz:g} Hz; "
-        f"partly: the mean lies within {2 * RAMP_HZ:g} Hz, and at least {SEED_SHARE:.0%} of the seeds switch. A trailing "
-        "window, which the paper may have used, shows the same switch 0.09 Hz higher.",
+        f"partly: the mean lies within {2 * RAMP_HZ:g} Hz, and at least {SEED_SHARE:.0%} of the seeds switch. Where the "
+        "correlation changes sign more than once, the switch is the last of its changes to anti-phase. A trailing window, "
+        "which the paper may have used, shows the same switch later, at a higher frequency.",
     )
     theory = predicted(transitions)
     if not rows:

@@ -186,7 +186,8 @@ def engine_table(rows: Sequence[Row]) -> Table:
     lines.append(["switch [Hz]", *(_switch(where(rows, "physics", [name])) for name in engines), *["-" for _ in engines]])
     titles = [ENGINES[name] for name in engines]
     headings = ["f [Hz]", *(f"r, {title}" for title in titles), *(f"cost / least, {title}" for title in titles)]
-    return Table(headings, lines, f"The same policies in other physics, {_seeds(rows)}", "r" * len(headings))
+    caption = f"The same policies in other physics, {_seeds(rows)}; the switch interpolated between these frequencies"
+    return Table(headings, lines, caption, "r" * len(headings))
 
 
 _COORDINATION = ["hip-ankle r", "phase [deg]", "mode", "least-torque r", "trained reward's r", "cost / least", "stood"]

@@ -38,6 +38,14 @@ All numbers of the figures are in the CSV files beside this page, a row a seed a
 it anew; `python -m posture.reproduce` runs them all and writes this page:
 """
 
+MIXED = """
+**These results are mixed:** their trainings differ in {what}. Numbers that differ may differ for that reason alone.
+"""
+
+LEFT_OUT = """
+**Left out**, for they are of other code or another configuration than this page: {count} ({names}).
+"""
+
 FIGURES: dict[str, tuple[str, str]] = {
     # name: (what one sees, caption)
     "figure_2": (
@@ -85,7 +93,7 @@ FIGURES: dict[str, tuple[str, str]] = {
     ),
     "amplitude": (
         "Hip-ankle correlation against frequency at several amplitudes of the target",
-        "Amplitude of the target (in the paper's text only), policies not trained again.",
+        "Amplitude of the target (in the paper's text only). The policies were trained at {amplitude:g} m alone.",
     ),
     "engines": (
         "Hip-ankle correlation and cost ratio against frequency in each physics engine",

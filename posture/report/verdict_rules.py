@@ -156,12 +156,25 @@ def clearly_below(low: SeedMean, high: SeedMean) -> bool:
 def contrast(means: Means, grid: Sequence[Condition]) -> Judgement:
     """Whether the mean correlation differs less with the first number of the conditions, the amplitude, than with the
     second, the frequency, where that grows by the same factor. Every condition of `grid` has to have a value."""
-    if lacking := sum(c not in means or not known(means[c]) for c in grid):
-        return Judgement("not measured", f"no value in {lacking} of {len(grid)} conditions")
+    lacking = [c for c in grid if c not in means or not known(means[c])]
+    if not lacking:
+        return _compared(means, grid)
+    finding = f"no value, or one of a few seeds that stood, in {len(lacking)} of {len(grid)} conditions"
+    lost = {c[1] for c in lacking}
+    rest = [c for c in grid if c[1] not in lost]
+    if len(left := {c[1] for c in rest}) >= LEAST_CONDITIONS:
+        finding += f"; over the {len(left)} frequencies that have all amplitudes {_compared(means, rest).finding}"
+    return Judgement("not measured", finding)
+
+
+def _compared(means: Means, grid: Sequence[Condition]) -> Judgement:
+    """`contrast` where every condition has a value."""
     amplitudes, freqs = (sorted({c[i] for c in grid}) for i in (0, 1))
     factor = amplitudes[-1] / amplitudes[0]
     near = 1 + 1e-9  # 1.5 Hz is twice 0.75 Hz
     ranges = [[g for g in freqs if f <= g <= factor * f * near] for f in freqs if factor * f <= freqs[-1] * near]
+    if not ranges:
+        return Judgement("not measured", f"no two frequencies differ by the factor of {factor:.2g}")
     between = _spread([[means[a, f].mean for a in amplitudes] for f in freqs])
     over_factor, over_all = (
         _spread([[means[a, f].mean for f in some] for a in amplitudes for some in groups]) for groups in (ranges, [freqs])
