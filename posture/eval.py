@@ -10,7 +10,7 @@ python -m posture.eval policy=lqr                        # the model-based contr
 from pathlib import Path
 
 from posture import cli, run_dir
-from posture.config import ConfigError, EnvChanges, EvalConfig
+from posture.config import ConfigError, EnvChanges, EvalConfig, TrainConfig
 from posture.coordination import Row, write_csv
 from posture.jobs import identity
 from posture.sweep import override_slug
@@ -33,6 +33,11 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
     in_experiment = cli.in_sweep() and cli.experiment() is not None
     models = run_dir.find_checkpoints(config.ckpt, only_current if in_experiment else None)
     runs = [run_dir.read_config(model.parent) for model in models]
+    from posture.policy import load_policy
+
+    for model, run in zip(models, runs, strict=True):
+        load_policy(run_dir.load(model, "cpu"), run, model, "cpu")
+    # Only now, so that a checkpoint that is none, or another run's, is told of before physics takes seconds to import.
     from posture.evaluation import condition, evaluate
 
     everything: list[Row] = []
@@ -40,7 +45,7 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
     for model, run in zip(models, runs, strict=True):
         if run_dir.is_shipped(model):
             home = home or Path(run_dir.folder_for(str(run_dir.RUNS), None))  # nothing is written into the package
-        folder = (home or model.parent) / folder_name(model, config.env) if out is None else out
+        folder = (home or model.parent) / folder_name(model, run, config.env) if out is None else out
         if len(models) > 1:
             print(f"== {model.parent.name}")
             folder = folder if out is None else out / model.parent.name
@@ -65,11 +70,12 @@ def only_current(run: Path) -> bool:
         return False
 
 
-def folder_name(model: Path, changes: EnvChanges) -> str:
-    """`evaluation` for a run's newest checkpoint as trained; other checkpoints and changed subjects have folders of their
-    own."""
+def folder_name(model: Path, run: TrainConfig, changes: EnvChanges) -> str:
+    """`evaluation` for the policy that a training ends with, as trained; other checkpoints and changed subjects have folders
+    of their own. So has the newest one of a training that goes on: its end writes to `evaluation`."""
     changed = {key: value for key, value in changes.model_dump().items() if value is not None}
-    parts = [] if model == run_dir.newest_model(model.parent) else [model.stem]
+    newest = model == run_dir.newest_model(model.parent)
+    parts = [] if newest and run_dir.iteration_of(model) >= run.max_iterations else [model.stem]
     parts += [f"{key}={format(value, 'g') if isinstance(value, float) else value}" for key, value in changed.items()]
     return f"evaluation_{override_slug(','.join(parts))}" if parts else "evaluation"
 

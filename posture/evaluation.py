@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from rsl_rl.models import MLPModel
 
 from envs.config import EnvConfig, Schedule, as_plain
 from envs.head_tracking import HeadTrackingEnv
@@ -17,6 +16,7 @@ from posture.config import ConfigError, EnvChanges, EvaluationConfig, LqrConfig,
 from posture.coordination import Row, indices, read_csv, write_csv
 from posture.figures import draw_all
 from posture.lqr import LqrController, plan
+from posture.policy import load_policy
 from posture.prediction import predict
 from posture.program import InfeasibleError
 from posture.progress import preparing
@@ -59,7 +59,7 @@ def evaluate(
         return rows
     with preparing():
         env = HeadTrackingEnv(trial, run.seed, device)
-        policy = load_policy(content, env, run, model)
+        policy = load_policy(content, run, model, env.sim.device)
         env.warm_up()
     return analyse(env, policy, evaluation, run.paper, out, _about(model, run))
 
@@ -207,19 +207,3 @@ def trial_config(env: EnvConfig, evaluation: EvaluationConfig, changes: EnvChang
     values["episode_steps"] = 2 * round(evaluation.duration / env.control_dt) + 1
     values["termination"] |= {"foot_motion": None, "head_tolerance": None}
     return read(EnvConfig, values)
-
-
-def load_policy(content: dict[str, Any], env: HeadTrackingEnv, run: TrainConfig, model: Path) -> Policy:
-    """The deterministic policy of a checkpoint. Raises ConfigError where it does not fit the run's configuration."""
-    actor = run.agent.actor.model_dump(mode="json")
-    del actor["class_name"]
-    groups = {"actor": list(run.agent.obs_groups.actor)}
-    network = MLPModel(env.get_observations(), groups, "actor", env.num_actions, **actor)
-    try:
-        network.load_state_dict(content["actor_state_dict"])
-    except (KeyError, RuntimeError, AttributeError, TypeError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise ConfigError(f"{model}: does not hold this run's policy ({reason})") from None
-    if not all(bool(value.isfinite().all()) for value in network.state_dict().values() if value.is_floating_point()):
-        raise ConfigError(f"{model}: holds weights that are not finite")
-    return network.to(env.sim.device).eval()

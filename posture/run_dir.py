@@ -1,4 +1,4 @@
-"""Where a run lives, and how its checkpoints are found, saved and loaded safely.
+"""Where a run lives, and how its files are found, written and read safely; checkpoints are in posture/checkpoint.py.
 
 A run folder explains itself:
 
@@ -22,10 +22,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import torch
 import yaml
 
+from posture import plain_yaml
 from posture.atomic import replacing
+from posture.checkpoint import load as load
+from posture.checkpoint import save as save
 from posture.code_version import envs_version
 from posture.config import ConfigError, TrainConfig, read
 
@@ -132,32 +134,41 @@ def iteration_of(model: Path) -> int:
 
 
 def iterations_done(run: Path) -> int:
-    """Number of iterations after which `run` can go on. Raises ConfigError where its resume.pt is missing or damaged."""
-    return int(load(run / "resume.pt", "cpu").get("iteration", 0))
+    """Number of iterations after which `run` can go on. Raises ConfigError where its files do not let it."""
+    # Only now: the learner's networks take a second to import, and few commands need them.
+    from posture.policy import check_state, check_training
+
+    config, state = read_config(run), run / "resume.pt"
+    done = check_state(load(state, "cpu"), config, state)
+    model = run / f"model_{done}.pt"
+    check_training(load(model, "cpu"), config, model)
+    _provenance(run)
+    return done
 
 
 def training_seconds(run: Path) -> float:
     """What the iterations of `run` took [s], over all its starts. Raises ConfigError where its resume.pt is damaged."""
-    return float(load(run / "resume.pt", "cpu")["processes"][0]["logger"]["tot_time"])
+    state = run / "resume.pt"
+    try:
+        return float(load(state, "cpu")["processes"][0]["logger"]["tot_time"])
+    except (KeyError, IndexError, TypeError, ValueError):
+        raise ConfigError(f"{state}: does not say how long the training took") from None
 
 
 def read_config(run: Path) -> TrainConfig:
-    """The run's own configuration, checked anew. Raises ConfigError."""
+    """The run's own configuration, checked anew; nothing in it is acted on, only taken as values. Raises ConfigError."""
     path = run / "config.yaml"
-    try:
-        values = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigError(f"{path}: cannot be read ({' '.join(str(error).split())})") from None
+    values = plain_yaml.read(path)
     if not isinstance(values, dict):
-        raise ConfigError(f"{path}: not a configuration")
+        raise ConfigError(f"{path}: not a configuration; allowed is one as posture.train writes it")
+    plain_yaml.refuse_instructions(values, path)
     return read(TrainConfig, values, str(path))
 
 
 def write_config(run: Path, config: TrainConfig) -> None:
     """Keep the resolved configuration, and add the versions, commit and command of this start to its provenance."""
     write_yaml(run / "config.yaml", config.model_dump(mode="json"))
-    path = run / "provenance.yaml"
-    starts = yaml.safe_load(path.read_text(encoding="utf-8")) if path.exists() else []
+    starts = _provenance(run)
     starts.append(
         {
             "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
@@ -169,7 +180,7 @@ def write_config(run: Path, config: TrainConfig) -> None:
             "versions": {name: importlib.metadata.version(name) for name in PACKAGES},
         }
     )
-    write_yaml(path, starts)
+    write_yaml(run / "provenance.yaml", starts)
 
 
 def write_yaml(path: Path, values: Any) -> None:
@@ -182,7 +193,7 @@ def read_yaml(path: Path) -> Any:
     """What `write_yaml` wrote; None where there is no such file or it cannot be read."""
     try:
         return yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError):
+    except (OSError, ValueError, RecursionError, yaml.YAMLError):
         return None
 
 
@@ -197,23 +208,12 @@ def writable(folder: Path) -> Path:
     return folder
 
 
-def save(content: dict[str, Any], path: Path) -> None:
-    """Write a checkpoint so that at any moment the old file or the new one is there, whole."""
-    with replacing(path) as temporary:
-        torch.save(content, temporary)
-
-
-def load(path: Path, device: str) -> dict[str, Any]:
-    """Read a checkpoint; nothing in it can execute code. Raises ConfigError if it is missing or damaged."""
-    try:
-        content = torch.load(path, weights_only=True, map_location=device)
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: no such checkpoint") from None
-    except Exception as error:  # torch raises whatever the damaged bytes happen to provoke
-        raise ConfigError(f"{path}: not a readable checkpoint ({type(error).__name__})") from None
-    if not isinstance(content, dict):
-        raise ConfigError(f"{path}: not a checkpoint of this project")
-    return content
+def _provenance(run: Path) -> list[Any]:
+    path = run / "provenance.yaml"
+    starts = plain_yaml.read(path) if path.exists() else []
+    if not isinstance(starts, list):
+        raise ConfigError(f"{path}: not a list of the run's starts; move it away, and a new one begins")
+    return starts
 
 
 def _git_commit() -> str | None:

@@ -4,8 +4,9 @@ import pytest
 import torch
 
 from posture.config import ConfigError, EnvChanges
-from posture.evaluation import AS_TRAINED, load_policy, published, trial_config
+from posture.evaluation import AS_TRAINED, published, trial_config
 from posture.learner import Learner
+from posture.policy import load_policy
 from tests.conftest import compose
 
 
@@ -38,7 +39,7 @@ def test_the_evaluated_policy_is_the_trained_one(run, env, tmp_path):
     observation = env.get_observations()
     expected = learner.get_inference_policy("cpu")(observation)
     content = torch.load(tmp_path / "model_1.pt", weights_only=True)
-    policy = load_policy(content, env, run, tmp_path / "model_1.pt")
+    policy = load_policy(content, run, tmp_path / "model_1.pt", "cpu")
     with torch.inference_mode():
         assert torch.equal(policy(observation), expected)
     assert expected.abs().max() > 0.0
@@ -49,4 +50,4 @@ def test_a_policy_of_another_shape_is_refused(run, env, tmp_path):
     content = learner.alg.save()
     other = compose("env.num_envs=64", "agent.actor.hidden_dims=[32,32]")
     with pytest.raises(ConfigError, match="does not hold this run's policy"):
-        load_policy(content, env, other, tmp_path / "model_1.pt")
+        load_policy(content, other, tmp_path / "model_1.pt", "cpu")

@@ -1,0 +1,38 @@
+"""YAML files of plain values: nothing in one is built, repeated, looked up or replaced."""
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from posture.config import ConfigError
+
+_ALLOWED = "allowed are plain values, as posture.train writes them"
+
+
+def read(path: Path) -> Any:
+    """What the file at `path` says. Raises ConfigError where it cannot be read or has a tag, an anchor or an alias."""
+    try:
+        text = path.read_text(encoding="utf-8")
+        # A tag names a class to build; an alias lets a short file stand for an endless one.
+        if any(isinstance(token, (yaml.AnchorToken, yaml.AliasToken, yaml.TagToken)) for token in yaml.scan(text)):
+            raise ConfigError(f"{path}: has a tag, an anchor or an alias; {_ALLOWED}")
+        return yaml.safe_load(text)
+    except (OSError, ValueError, RecursionError, yaml.YAMLError) as error:
+        raise ConfigError(f"{path}: cannot be read ({' '.join(str(error).split())[:200]})") from None
+
+
+def refuse_instructions(values: Any, path: Path) -> None:
+    """Raise ConfigError where a string or a key of `values`, from the file at `path`, means something else to Hydra or
+    OmegaConf: an interpolation (`${oc.env:HOME}`), or a key such as `_target_`."""
+    if isinstance(values, str) and "${" in values:
+        raise ConfigError(f"{path}: {values!r:.80} is to be replaced by something else; {_ALLOWED}")
+    if isinstance(values, dict):
+        for key, value in values.items():
+            if not isinstance(key, str) or key.startswith("_"):
+                raise ConfigError(f"{path}: {key!r:.80}: no such key; {_ALLOWED}")
+            refuse_instructions(key, path)
+            refuse_instructions(value, path)
+    elif isinstance(values, list):
+        for value in values:
+            refuse_instructions(value, path)
