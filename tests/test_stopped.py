@@ -1,4 +1,4 @@
-"""Trainings that are stopped: by a signal, by a kill, by a full disk. What was saved stays whole, and resume goes on exactly."""
+"""Trainings stopped by a signal, a kill or a full disk: what was saved stays whole, and resume goes on exactly."""
 
 import contextlib
 import errno
@@ -12,12 +12,12 @@ import time
 from pathlib import Path
 
 import pytest
-import torch
 
 from posture import atomic, checkpoint, run_dir
 from posture.lock import is_busy
 from posture.sweep_run import status
-from tests.commands import TINY, call, refused, runs
+from tests.commands import TINY, call, refused
+from tests.test_cli import same
 
 PLAIN = [*TINY, "evaluate=false", "env.num_envs=16"]
 FOREVER = "max_iterations=1000000"
@@ -62,15 +62,6 @@ def train(*arguments):
         [sys.executable, "-m", "posture.train", *arguments], capture_output=True, text=True, timeout=LIMIT_S
     )
     assert done.returncode == 0, done.stderr
-
-
-def same(a, b):
-    """Whether two checkpoints hold the same numbers, bit for bit."""
-    if isinstance(a, dict):
-        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
-    if isinstance(a, (list, tuple)):
-        return len(a) == len(b) and all(map(same, a, b))
-    return torch.equal(a, b) if isinstance(a, torch.Tensor) else a == b
 
 
 def timeless(run):
@@ -317,7 +308,7 @@ def test_a_full_disk_is_one_line_and_costs_nothing_saved(begun, monkeypatch, cap
         with pytest.raises(SystemExit) as stop:
             call(patch, "train", f"resume={begun}", "max_iterations=4")
     assert stop.value.code == 1
-    assert capfd.readouterr().err.strip() == f"error: {begun / name}: No space left on device"
+    assert capfd.readouterr().err.strip() == f"error: {begun.absolute() / name}: No space left on device"
     assert {path: path.read_bytes() for path in kept} == kept
     assert run_dir.iterations_done(begun) == 2 and not list(begun.glob(".*.tmp"))
     call(monkeypatch, "train", f"resume={begun}", "max_iterations=4")
