@@ -129,7 +129,7 @@ def test_a_second_signal_ends_at_once_and_what_is_saved_stays():
     kept = {path: path.read_bytes() for path in run.glob("*.pt")}
     # Of a run whose iterations do not end by themselves.
     config = (run / "config.yaml").read_text()
-    (run / "config.yaml").write_text(config.replace("num_steps_per_env: 4", "num_steps_per_env: 1000000"))
+    (run / "config.yaml").write_text(config.replace("num_steps_per_env: 4", "num_steps_per_env: 100000"))
     with started(f"resume={run}", FOREVER) as process:
         wait_for(lambda: len(list(run.glob("events.out.*"))) == 2, process)
         time.sleep(1.0)
