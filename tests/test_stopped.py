@@ -142,17 +142,20 @@ def test_a_second_signal_ends_at_once_and_what_is_saved_stays():
     assert kept == {path: path.read_bytes() for path in run.glob("*.pt")}
 
 
-@pytest.mark.parametrize("moment", [0.0, 3.0])
-def test_a_signal_before_the_first_iteration(moment):
-    """Two processes, of which the second is still being started."""
+@pytest.mark.parametrize(
+    ("number", "to_all", "moment"), [(signal.SIGINT, True, 0.0), (signal.SIGINT, True, 5.0), (signal.SIGKILL, False, 5.0)]
+)
+def test_the_end_before_the_first_iteration(number, to_all, moment):
+    """Two processes, of which the second is still being started: none is left, and none says that it broke."""
     with started(*PLAIN, FOREVER, "processes=2", "hydra.run.dir=early") as process:
         wait_for(lambda: Path("early/.lock").exists(), process)
         time.sleep(moment)
-        os.killpg(process.pid, signal.SIGINT)
+        (os.killpg if to_all else os.kill)(process.pid, number)
         _, err = process.communicate(timeout=LIMIT_S)
-    assert process.returncode == 130 and "Traceback" not in err, err
-    with pytest.raises(ProcessLookupError):  # nobody of the group is left
-        wait_until_gone(process.pid)
+        assert process.returncode == (130 if number == signal.SIGINT else -signal.SIGKILL)
+        assert "Traceback" not in err, err
+        with pytest.raises(ProcessLookupError):
+            wait_until_gone(process.pid)
 
 
 def wait_until_gone(group):
