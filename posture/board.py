@@ -20,6 +20,8 @@ import torch.distributed as dist
 from torch._C._distributed_c10d import _create_work_from_future  # type: ignore[attr-defined]
 from torch.futures import Future
 
+from posture.run_error import RunError
+
 PLACE_BYTES = 1 << 20
 """A longer message goes in pieces of this size."""
 _LINE = 8
@@ -109,7 +111,7 @@ class BoardGroup(dist.ProcessGroup):
             yield slice(first, first + piece.size), board[:, : piece.size]
 
     def _wait(self) -> None:
-        """Until every process has come to this turn. Raises RuntimeError if one of them is gone."""
+        """Until every process has come to this turn. Raises RunError if one of them is gone."""
         counters, began, checked = self._counters[:, 0], time.perf_counter(), 0.0
         while counters.min() < self._turn:
             waited = time.perf_counter() - began
@@ -128,7 +130,7 @@ class BoardGroup(dist.ProcessGroup):
                 if process:
                     os.kill(process, 0)
             except ProcessLookupError:
-                raise RuntimeError(f"process {place} of {self._size} is gone") from None
+                raise RunError(f"process {place} of {self._size} is gone") from None
 
 
 def _done(result: Any) -> Any:

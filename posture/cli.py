@@ -20,8 +20,9 @@ from omegaconf import DictConfig
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 from pydantic import BaseModel
 
-from posture import jobs, sweep_run
+from posture import jobs, signals, sweep_run
 from posture.config import ConfigError, read
+from posture.run_error import RunError
 from posture.sweep import expand_ranges
 
 Config = TypeVar("Config", bound=BaseModel)
@@ -29,7 +30,13 @@ Config = TypeVar("Config", bound=BaseModel)
 
 def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> None:
     """Compose conf/`name`.yaml with the command line's overrides, check it as `kind`, and call `task(config, folder)` for
-    each job, where `folder` is the job's own. Exits with 2 on bad input, and with 1 where a job of a sweep failed."""
+    each job, where `folder` is the job's own. Exits with 2 on bad input, with 1 where a job failed at run time, and with 130
+    or 143 where SIGINT or SIGTERM stopped it."""
+    with signals.handled():
+        _run(name, kind, task)
+
+
+def _run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> None:
     # Hydra would print errors of a task its own way and exit with 1; they are ours to report.
     os.environ["HYDRA_FULL_ERROR"] = "1"
     # Not that of __main__, which the processes of a parallel sweep could not import.
@@ -83,6 +90,8 @@ def one_line(error: Exception) -> str:
         return str(cause)
     if isinstance(cause, (ConfigAttributeError, ConfigKeyError)) and cause.parent_node is not None:
         return f"{cause.full_key}: no such key; allowed there are {', '.join(map(str, cause.parent_node))}"
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{error.filename}: {error.strerror}"
     text = re.sub(
         r"\n\s*(full_key|object_type|Config search path|To append to your config|See https).*", "", str(error), flags=re.S
     )
@@ -107,6 +116,9 @@ def _alone(kind: type[Config], task: Callable[[Config, Path], None], composed: D
         task(read(kind, jobs.plain(composed)), Path(HydraConfig.get().runtime.output_dir))
     except ConfigError as error:
         _refuse(error)  # here, since Hydra would add lines of its own
+    except (FloatingPointError, RunError, OSError) as error:
+        print(f"error: {one_line(error)}", file=sys.stderr)
+        sys.exit(1)
 
 
 def _refuse(error: Exception) -> NoReturn:

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import signal
 from collections import deque
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from rsl_rl.runners import OnPolicyRunner
 from rsl_rl.utils.logger import Logger
 
 from envs.head_tracking import HeadTrackingEnv
-from posture import parallel, run_dir
+from posture import parallel, run_dir, signals
 from posture.config import AgentConfig, ConfigError
 from posture.progress import Progress, Status
 
@@ -33,7 +34,8 @@ class Learner(OnPolicyRunner):
         config["algorithm"]["class_name"] = "posture.ppo:LeanPPO"
         # rsl-rl would save after iterations 1, 51, 101, ...; `save` is asked every time and keeps 50, 100, ... and the last.
         config["save_interval"] = 1
-        self._save_interval, self._last = agent.save_interval, 0
+        config["check_for_nan"] = False  # LeanPPO looks for infinities too, and on all processes together
+        self._save_interval, self._last, self._done = agent.save_interval, 0, 0
         with contextlib.redirect_stdout(io.StringIO()):  # rsl-rl prints its networks
             super().__init__(env, config, log_dir=str(folder), device=device)
         stock = self.logger
@@ -53,23 +55,43 @@ class Learner(OnPolicyRunner):
             self.is_distributed = False  # rsl-rl would do it again at every `learn`, and say so
 
     def train(self, total_iterations: int) -> None:
-        """Learn until `total_iterations` iterations are done, those before a resume included."""
-        self._last = total_iterations
-        self.learn(total_iterations - self.current_learning_iteration)
+        """Learn until `total_iterations` iterations are done, those before a resume included.
+
+        SIGINT or SIGTERM ends it after the iteration in which it comes, saved: raises signals.Stopped on every process.
+        Raises FloatingPointError that names the iteration, see `posture.ppo`.
+        """
+        self._last, self._done = total_iterations, self.current_learning_iteration
+        try:
+            with signals.deferred():
+                self.learn(total_iterations - self._done)
+        except FloatingPointError as error:
+            raise FloatingPointError(f"iteration {self._done + 1}: {error}") from None
+        finally:
+            self.logger.stop_logging_writer()
         self.current_learning_iteration = total_iterations  # rsl-rl leaves the index of the last one
 
     def save(self, path: str, infos: dict[str, Any] | None = None) -> None:
-        """Save model_<iterations done>.pt, and resume.pt with what else an exact resume needs, if it is time to."""
-        done = self.current_learning_iteration + 1
-        if done % self._save_interval and done != self._last:
-            return
+        """Save model_<iterations done>.pt, and resume.pt with what else an exact resume needs, if it is time to.
+
+        rsl-rl asks after every iteration, so this is also where a training that a signal has asked to stop does.
+        """
+        self._done = done = self.current_learning_iteration + 1
+        stop = parallel.any_of(bool(signals.asked()), self.device)
+        if stop or done % self._save_interval == 0 or done == self._last:
+            self._save(done, Path(path).with_name(f"model_{done}.pt"), infos)
+        if stop:
+            if parallel.rank() == 0:
+                print(f"\nstopped after iteration {done}: saved in {self.folder}, resume goes on from there", flush=True)
+            raise signals.Stopped(signals.asked() or signal.SIGTERM)
+
+    def _save(self, done: int, model: Path, infos: dict[str, Any] | None) -> None:
         states = parallel.gather(self._own_state())
         if parallel.rank() != 0:
             return
         content = self.alg.save()
         content["iter"] = done
         content["infos"] = infos
-        run_dir.save(content, Path(path).with_name(f"model_{done}.pt"))
+        run_dir.save(content, model)
         run_dir.save({"iteration": done, "processes": states}, self.folder / "resume.pt")
 
     def load(
@@ -143,6 +165,9 @@ class Nowhere:
     def add_scalar(self, *_: Any) -> None:
         """Write nothing."""
 
+    def close(self) -> None:
+        """Nothing to close."""
+
 
 class ProgressLogger(Logger):
     """rsl-rl's TensorBoard logger, with our progress line instead of its page of text an iteration."""
@@ -155,7 +180,13 @@ class ProgressLogger(Logger):
         """Begin to write; a process that does not write still counts, since `save` is asked of those that have a writer."""
         super().init_logging_writer()
         if self.disable_logs:
-            self.writer = Nowhere()
+            self.writer: Any = Nowhere()
+
+    def stop_logging_writer(self) -> None:
+        """Write out what is still held back."""
+        if self.writer is not None:
+            self.writer.close()
+            self.writer = None
 
     def log(self, it: int, start_it: int, total_it: int, collect_time: float, learn_time: float, **rest: Any) -> None:
         """Write the iteration to TensorBoard and show it."""

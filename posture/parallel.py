@@ -7,15 +7,24 @@ each, and rsl-rl joins them by NCCL. Every process holds the same policy; the fi
 import contextlib
 import multiprocessing
 import os
+import sys
 import tempfile
-from collections.abc import Callable, Iterator
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
 import torch
 import torch.distributed as dist
 
-from posture import board  # noqa: F401 - registers the backend
+from posture import (
+    board,  # noqa: F401 - registers the backend
+    signals,
+)
+from posture.config import ConfigError
+from posture.run_error import RunError
 
 
 def rank() -> int:
@@ -42,8 +51,8 @@ def by_torchrun() -> bool:
 def crew(processes: int, device: str, work: Callable[..., None], *arguments: Any) -> Iterator[None]:
     """Within it `processes` - 1 others run `work(*arguments)` on the CPU, joined with this process into one group.
 
-    Under torchrun, which has started them all, it only joins the group; one GPU is for one process. Raises RuntimeError if a
-    process fails.
+    Under torchrun, which has started them all, it only joins the group; one GPU is for one process. Raises RunError if a
+    process fails. The others get no signal of the terminal's: this process decides, and they end with it, however it ends.
     """
     if by_torchrun():
         if device == "cpu":
@@ -56,26 +65,32 @@ def crew(processes: int, device: str, work: Callable[..., None], *arguments: Any
         yield
         return
     with tempfile.TemporaryDirectory(prefix="posture-") as folder:
-        meeting = f"file://{Path(folder) / 'meeting'}"
+        meeting = str(Path(folder) / "meeting")
         spawn = multiprocessing.get_context("spawn")
         others = [
             spawn.Process(target=_other, args=(place, processes, meeting, work, arguments), daemon=True)
             for place in range(1, processes)
         ]
-        for other in others:
-            other.start()
-        _join(0, processes, meeting)
         try:
+            with signals.blocked():
+                for other in others:
+                    other.start()
+            _join(0, processes, meeting, others)
             yield
-        finally:
             dist.destroy_process_group()
             for other in others:
                 other.join(timeout=10.0)
+        finally:
+            # Whatever happened here, what the others still do is of no use: this process alone saves.
+            if dist.is_initialized():
+                dist.destroy_process_group()
+            for other in others:
                 if other.is_alive():
-                    other.terminate()
+                    other.kill()
+                    other.join()
         failed = [str(place) for place, other in enumerate(others, 1) if other.exitcode]
         if failed:
-            raise RuntimeError(f"process {', '.join(failed)} of {processes} failed")
+            raise RunError(f"process {', '.join(failed)} of {processes} failed")
 
 
 def average(tensor: torch.Tensor) -> None:
@@ -93,12 +108,41 @@ def gather(thing: Any) -> list[Any]:
     return things or []
 
 
-def _join(place: int, processes: int, meeting: str) -> None:
-    dist.init_process_group("board", init_method=meeting, rank=place, world_size=processes)
+def any_of(here: bool, device: str) -> bool:
+    """Whether it is so on any process. `device`: where this process trains."""
+    if size() == 1:
+        return here
+    count = torch.tensor(float(here), device=device)
+    dist.all_reduce(count)
+    return bool(count)
+
+
+def _join(place: int, processes: int, meeting: str, others: Sequence[BaseProcess] = ()) -> None:
+    """Form the group; the first process waits for the `others` and watches over them meanwhile."""
+    store = dist.FileStore(meeting, processes)  # type: ignore[attr-defined]
+    store.set(f"here {place}", "yes")
+    # torch's own waiting would neither see that a process has died nor let a signal through.
+    for number, other in enumerate(others, 1):
+        while not store.check([f"here {number}"]):
+            if other.exitcode is not None:
+                raise RunError(f"process {number} of {processes} failed")
+            time.sleep(0.02)
+    dist.init_process_group("board", store=store, rank=place, world_size=processes)
 
 
 def _other(place: int, processes: int, meeting: str, work: Callable[..., None], arguments: tuple[Any, ...]) -> None:
+    threading.Thread(target=_end_with_the_first, daemon=True).start()
     _join(place, processes, meeting)
-    with contextlib.suppress(KeyboardInterrupt), open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
-        work(*arguments)
+    try:
+        with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
+            work(*arguments)
+    except (signals.Stopped, FloatingPointError, ConfigError):
+        sys.exit(1)  # the first process has met the same, and tells of it
     dist.destroy_process_group()
+
+
+def _end_with_the_first() -> None:
+    first = multiprocessing.parent_process()
+    assert first is not None
+    first.join()
+    os._exit(1)

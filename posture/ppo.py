@@ -59,13 +59,33 @@ class LeanPPO(PPO):
         super().__init__(actor, critic, shuffled, **options)
 
     def update(self) -> dict[str, float]:
-        """One iteration's learning; see `rsl_rl.algorithms.PPO.update`."""
+        """One iteration's learning; see `rsl_rl.algorithms.PPO.update`.
+
+        Raises FloatingPointError, on every process alike, where a number that comes in or goes out is not finite: before
+        learning where an observation or a reward is, and before anything can be saved where a loss or the policy is.
+        """
+        stored = self.storage
+        given = {f"observation {name}": stored.observations[name] for name in sorted(stored.observations.keys())}
+        self._check_finite(given | {"reward": stored.rewards, "value estimate": stored.values})
         losses: dict[str, float] = super().update()
+        told = {f"{name} loss": torch.tensor(losses[name]) for name in sorted(losses)}
+        for name, model in (("actor", self._raw_actor), ("critic", self._raw_critic)):
+            told[f"weights of the {name}"] = torch.cat([weight.detach().flatten() for weight in model.parameters()])
+        self._check_finite(told)
         if self.is_multi_gpu:
             for model in (self._raw_actor, self._raw_critic):
                 if model.obs_normalization:
                     _pool(model.obs_normalizer)
         return losses
+
+    def _check_finite(self, terms: dict[str, torch.Tensor]) -> None:
+        """Raise FloatingPointError that names the terms with a NaN or an infinity on any process."""
+        broken = torch.stack([(~torch.isfinite(term)).any().float().to(self.device) for term in terms.values()])
+        if self.is_multi_gpu:
+            torch.distributed.all_reduce(broken)
+        names = [name for name, count in zip(terms, broken.tolist(), strict=True) if count]
+        if names:
+            raise FloatingPointError(f"training stopped, since these are not finite numbers: {', '.join(names)}")
 
 
 def _pool(normalizer: Any) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import torch
 
-from posture import cli, parallel, run_dir
+from posture import atomic, cli, parallel, run_dir
 from posture.config import ConfigError, TrainConfig, check_device, check_engine
 from posture.lock import locked
 from posture.progress import preparing
@@ -22,6 +22,8 @@ def train(config: TrainConfig, folder: Path) -> None:
     """Run one training job, alone in `folder`; where the folder of an experiment's job holds a part of it, only what is
     missing."""
     with locked(folder):
+        if parallel.rank() == 0:
+            atomic.clear(folder)
         _train(config, folder)
 
 
