@@ -249,24 +249,28 @@ def test_the_file_says_what_stands_where(made, shipped):
 
 def test_names_of_the_senses_are_those_of_their_values():
     """Every term of a body whose every number is known."""
+
+    def exact(values):
+        return torch.tensor(values, dtype=torch.float64)
+
     number = {joint: value for value, joint in enumerate(MODEL_JOINTS, 1)}
-    force = torch.tensor([[[[1, 2, 3], [10, 20, 30]], [[100, 200, 300], [1000, 2000, 3000]]]]).double()  # foot, end, axis
-    place = torch.tensor([0.1, 0.0, -0.05]).double().expand(1, 2, 2, 3)
+    force = exact([[[[1, 2, 3], [10, 20, 30]], [[100, 200, 300], [1000, 2000, 3000]]]])  # foot, end, axis
+    place = exact([0.1, 0.0, -0.05]).expand(1, 2, 2, 3)
     turned = [0.0, 0.0, np.sin(0.15), np.cos(0.15)]  # by 0.3 rad about z
     level = [0.0, 0.0, 0.0, 1.0]
     env = SimpleNamespace(
         FOOT_BODIES=[0, 1],
-        hat_pose=torch.tensor([[0.11, 0.12, 1.3, *turned]]).double(),
-        hat_velocity=torch.tensor([[0.21, 0.22, 0.23, 0.24, 0.25, 0.26]]).double(),
-        foot_position=torch.tensor([[[0.31, 0.32, 0.33], [0.35, 0.36, 0.39]]]).double(),
-        head_x=torch.tensor([0.5]).double(), head_vx=torch.tensor([0.6]).double(),
-        target_x=torch.tensor([0.75]).double(), target_vx=torch.tensor([0.8]).double(),
-        action=torch.tensor([[0.01 * number[joint] for joint in ("hip_left", "ankle_left") * 2]]).double(),
+        hat_pose=exact([[0.11, 0.12, 1.3, *turned]]),
+        hat_velocity=exact([[0.21, 0.22, 0.23, 0.24, 0.25, 0.26]]),
+        foot_position=exact([[[0.31, 0.32, 0.33], [0.35, 0.36, 0.39]]]),
+        head_x=exact([0.5]), head_vx=exact([0.6]),
+        target_x=exact([0.75]), target_vx=exact([0.8]),
+        action=exact([[0.01 * number[joint] for joint in ("hip_left", "ankle_left") * 2]]),
         sim=SimpleNamespace(
-            joint_angle=torch.tensor([[float(number[joint]) for joint in MODEL_JOINTS]]).double(),
-            joint_velocity=torch.tensor([[10.0 * number[joint] for joint in MODEL_JOINTS]]).double(),
-            joint_force=torch.tensor([[100.0 * number[joint] for joint in MODEL_JOINTS]]).double(),
-            body_pose=torch.tensor([[[0.0, 0.0, 0.0, *level]] * 2]).double(),
+            joint_angle=exact([[float(number[joint]) for joint in MODEL_JOINTS]]),
+            joint_velocity=exact([[10.0 * number[joint] for joint in MODEL_JOINTS]]),
+            joint_force=exact([[100.0 * number[joint] for joint in MODEL_JOINTS]]),
+            body_pose=exact([[[0.0, 0.0, 0.0, *level]] * 2]),
             sole_force=force, sole_position=place,
         ),
     )  # fmt: skip
@@ -377,4 +381,4 @@ def test_several_policies_are_refused(monkeypatch, capsys, tmp_path):
     for name in ("hip_k-25", "hip_k-50"):
         shutil.copytree(run_dir.PRETRAINED / name, tmp_path / "sweep" / name)
     line = refused(monkeypatch, capsys, "export", "ckpt=sweep")
-    assert "holds 2 policies" in line and "sweep/hip_k-25/model_1000.pt" in line
+    assert "holds 2 policies" in line and "for example sweep/hip_k-25/model_" in line
