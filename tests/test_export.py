@@ -160,6 +160,20 @@ def test_after_a_fall_and_without_load(tmp_path):
     np.testing.assert_array_equal(comma["foot_loaded"], [1, 0, 1, 0, 0])
 
 
+def test_opensim_itself_reads_every_row(made, tmp_path, monkeypatch):
+    """Where OpenSim is installed (pip install opensim): by its table and by its older storage."""
+    monkeypatch.chdir(tmp_path)  # its import writes a log where it stands
+    opensim_ = pytest.importorskip("opensim")
+    path = made / "out" / "trajectory_0.5Hz.sto"
+    comma = table(path.with_suffix(".csv"))
+    rows = opensim_.TimeSeriesTable(str(path))
+    np.testing.assert_array_equal(rows.getMatrix().to_numpy(), np.stack(list(comma.values())[1:], axis=1))
+    storage, head = opensim_.Storage(str(path)), opensim_.ArrayDouble()
+    storage.getDataColumn("head_x", head)
+    assert storage.getName() == "posture_0.5_Hz" and not storage.isInDegrees() and storage.getSize() == 100
+    assert [head.get(row) for row in range(head.getSize())] == comma["head_x_m"].tolist()
+
+
 def test_a_fall_in_the_first_step_leaves_no_storage_file(tmp_path):
     assert not write_sto(trajectory(fall_step=np.array([0, -1, -1])), 0, tmp_path / "a.sto", in_degrees=False)
     assert list(tmp_path.iterdir()) == []
