@@ -11,6 +11,8 @@ from hydra.core.hydra_config import HydraConfig
 from posture import cli
 from posture.config import EvalConfig, TrainConfig
 from posture.eval import evaluate_all
+from posture.export import export
+from posture.export_config import ExportConfig
 from posture.reproduce import reproduce
 from posture.reproduce_config import ReproduceConfig
 from posture.train import train
@@ -30,6 +32,7 @@ TINY = [
 ENTRIES = {
     "train": (TrainConfig, train),
     "eval": (EvalConfig, evaluate_all),
+    "export": (ExportConfig, export),
     "reproduce": (ReproduceConfig, reproduce),
 }
 

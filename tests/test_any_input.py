@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from posture import cli
 from posture.config import ConfigError, EvalConfig, TrainConfig, read
+from posture.export_config import ExportConfig
 from posture.jobs import CONF, plain
 from posture.published import Published
 from posture.reproduce_config import ReproduceConfig
@@ -24,6 +25,7 @@ ENTRIES = {
     "train": (TrainConfig, "train"),
     "eval": (EvalConfig, "evaluate_all"),
     "theory": (TheoryConfig, "theory"),
+    "export": (ExportConfig, "export"),
     "reproduce": (ReproduceConfig, "reproduce"),
 }
 TEXTS = {"device", "resume", "ckpt", "out", "overrides", "actor", "critic", "observations"}
