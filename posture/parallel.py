@@ -12,6 +12,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
@@ -72,6 +73,7 @@ def crew(processes: int, device: str, work: Callable[..., None], *arguments: Any
             for place in range(1, processes)
         ]
         try:
+            resource_tracker.ensure_running()  # else it is started together with the first process, and unblocks signals
             with signals.blocked():
                 for other in others:
                     other.start()

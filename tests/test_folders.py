@@ -197,7 +197,7 @@ def test_an_interrupted_sweep_keeps_what_is_done():
     second = [*sweep, "agent.num_steps_per_env=100000", "env.energy_weight=5"]
     process = subprocess.Popen(second, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 60
-    while not list(Path("runs/energy").glob("*/config.yaml"))[1:] and time.monotonic() < deadline:
+    while not list(Path("runs/energy").glob("*/events.out.*"))[1:] and time.monotonic() < deadline:
         time.sleep(0.1)
     for _ in range(2):  # the first would let the iteration end
         time.sleep(2.0)

@@ -62,6 +62,18 @@ def test_the_board_adds_tells_and_gathers():
     assert all(float(state["tensor"].mean()) == place for place, state in enumerate(states))
 
 
+def asked_to_stop():
+    """Whether one, or none, knows of a reason to stop; and which processes the terminal's signals do not reach."""
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    by_one, by_none = parallel.any_of(parallel.rank() == 1, "cpu"), parallel.any_of(False, "cpu")
+    return by_one, by_none, parallel.gather({signal.SIGINT, signal.SIGTERM} <= blocked)
+
+
+def test_what_one_process_knows_all_know_and_the_first_alone_hears_signals():
+    with parallel.crew(2, "cpu", asked_to_stop):
+        assert asked_to_stop() == (True, False, [False, True])
+
+
 def test_a_gpu_is_for_one_process(monkeypatch):
     with parallel.crew(2, "cuda", die):
         assert parallel.size() == 1 and parallel.own_device("cuda") == "cuda"
