@@ -1,5 +1,6 @@
 """Shared fixtures: configurations composed from conf/, and one small simulation that several tests look at."""
 
+import signal
 from collections.abc import Callable
 
 import hydra
@@ -11,6 +12,9 @@ from envs.segments import Segments
 from posture.config import EvalConfig, TrainConfig, read
 from posture.jobs import CONF, plain
 from posture.stander import segments
+
+# A shell starts what runs in its background with SIGINT ignored, and so would be the processes that tests interrupt.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def compose(*overrides: str) -> TrainConfig:
