@@ -1,5 +1,6 @@
 """Shared fixtures: configurations composed from conf/, and one small simulation that several tests look at."""
 
+import os
 import signal
 from collections.abc import Callable
 
@@ -12,6 +13,10 @@ from envs.segments import Segments
 from posture.config import EvalConfig, TrainConfig, read
 from posture.jobs import CONF, plain
 from posture.stander import segments
+
+# Tests are tiny: threads of torch, here and in the processes that tests start, would only wait for each other.
+torch.set_num_threads(1)
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # A shell starts what runs in its background with SIGINT ignored, and so would be the processes that tests interrupt.
 signal.signal(signal.SIGINT, signal.default_int_handler)

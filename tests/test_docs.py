@@ -59,7 +59,7 @@ NOT_RUN = {
     "make reproduce seeds=1": INSTALLS,
     "make benchmark": INSTALLS,
     "pip install -e '.[cluster]'": INSTALLS,
-    "pip install -e '.[export]'": INSTALLS,
+    "pip install -c constraints.txt -e '.[export]'": INSTALLS,
     "tensorboard --logdir runs": SERVES,
     "python -m posture.play": SERVES,
     "python -m posture.play ckpt=runs/<run>": SERVES,

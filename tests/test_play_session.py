@@ -9,7 +9,6 @@ import torch
 from envs.body import BODIES
 from envs.head_tracking import HeadTrackingEnv
 from posture import run_dir
-from posture.evaluation import load_policy
 from posture.lqr import plan
 from posture.motion import joint_arrays
 from posture.optimum import bound
@@ -19,6 +18,7 @@ from posture.play.pilot import candidates
 from posture.play.planned import Planned
 from posture.play.steered import steered_config
 from posture.play.theory import Asked, least
+from posture.policy import load_policy
 from posture.rollout import rollout
 from posture.stander import linearise
 from posture.transition import hip_ankle_correlation
@@ -57,7 +57,7 @@ def test_it_moves_as_the_evaluation_does(fresh):
     (model,) = run_dir.find_checkpoints("pretrained")
     run = run_dir.read_config(model.parent)
     env = HeadTrackingEnv(steered_config(run.env), 0, "cpu")
-    trial = rollout(env, load_policy(run_dir.load(model, "cpu"), env, run, model), torch.tensor([0.3]), 8.0)
+    trial = rollout(env, load_policy(run_dir.load(model, "cpu"), run, model, "cpu"), torch.tensor([0.3]), 8.0)
     states = walk(fresh, 8.0)
     assert np.allclose([state.head for state in states], trial.head_x[:, 0], atol=1e-3)
     assert np.allclose([state.cop for state in states], trial.cop_x[:, 0], atol=1e-2)

@@ -11,8 +11,8 @@ from envs.config import EnvConfig
 from envs.head_tracking import HeadTrackingEnv
 from posture.play.knobs import Knobs
 
-ENDLESS = 10**9
-"""Control steps of an episode; half a year."""
+ENDLESS = 10_000_000
+"""Control steps of an episode; two days."""
 
 
 def steered_config(env: EnvConfig) -> EnvConfig:
