@@ -67,20 +67,21 @@ def evaluate(
 def is_current(
     out: Path, model: Path, run: TrainConfig, evaluation: EvaluationConfig, changes: EnvChanges, device: str
 ) -> bool:
-    """Whether `out` holds what the policy of checkpoint `model` gives under these conditions, by the present code."""
+    """Whether `out` holds what the policy of `model` gives under these conditions, by this code and these libraries."""
     kept = run_dir.read_yaml(out / "trial.yaml")
     expected = _about(model, run) | _conditions(evaluation, trial_config(run.env, evaluation, changes, device))
     return isinstance(kept, dict) and kept | {"policy": str(model)} == expected  # wherever it was evaluated from
 
 
 def _about(model: Path, run: TrainConfig) -> dict[str, Any]:
-    """What was evaluated, and by which code."""
+    """What was evaluated, and by which code and versions of the libraries."""
     return {
         "policy": str(model),
         "policy_sha256": hashlib.sha256(model.read_bytes()).hexdigest(),
         "seed": run.seed,
         "envs_version": envs_version(),
         "analysis_version": analysis_version(),
+        "versions": run_dir.versions(),
         "window_steps": run.paper["experiment_4a"]["window_steps"],
     }
 

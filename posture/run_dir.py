@@ -177,10 +177,15 @@ def write_config(run: Path, config: TrainConfig) -> None:
             "envs_version": envs_version(),
             "python": platform.python_version(),
             "platform": platform.platform(),
-            "versions": {name: importlib.metadata.version(name) for name in PACKAGES},
+            "versions": versions(),
         }
     )
     write_yaml(run / "provenance.yaml", starts)
+
+
+def versions() -> dict[str, str]:
+    """Installed versions of the packages that results depend on."""
+    return {name: importlib.metadata.version(name) for name in PACKAGES}
 
 
 def write_yaml(path: Path, values: Any) -> None:

@@ -130,6 +130,16 @@ def test_evaluation_writes_trajectories_metrics_and_figures(trained):
     assert (folder / "trajectories.npz").exists() and len(list(folder.glob("*.png"))) >= 7
 
 
+def test_an_evaluation_by_other_libraries_does_not_count(trained, monkeypatch):
+    from posture.evaluation import AS_TRAINED, is_current
+
+    model, run = run_dir.newest_model(trained), run_dir.read_config(trained)
+    asked = (trained / "evaluation", model, run, run.evaluation, AS_TRAINED, "cpu")
+    assert is_current(*asked)
+    monkeypatch.setattr(run_dir, "versions", lambda: {"newton": "0.1"})
+    assert not is_current(*asked)
+
+
 def test_tensorboard_has_the_curves(trained):
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
