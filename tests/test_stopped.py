@@ -180,7 +180,8 @@ def test_a_sweep_stops_with_its_job_saved():
 # -- resume, and a job of a sweep ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("processes", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("processes", [1, 2])
 def test_two_starts_are_one(processes):
     """Real processes: two iterations and two more equal four, and TensorBoard has each once."""
     shared = [*PLAIN, f"processes={processes}"]
