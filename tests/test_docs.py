@@ -66,6 +66,7 @@ NOT_RUN = {
     "python -m posture.reproduce launcher=submitit_slurm": "needs a cluster",
     "torchrun --nproc-per-node 4 -m posture.train device=cuda": "needs GPUs; test_parallel.py runs it on the CPU",
     "python benchmarks/learners.py --learners ours": LONG,
+    "python benchmarks/play.py": LONG,
 }
 """Commands of the documents that the slow test leaves out, and why. Their arguments are checked all the same."""
 
