@@ -26,7 +26,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@touch $@
 
 play: setup ## a trained stander live in the browser; Hydra overrides in ARGS
-	$(BIN)/python -m posture.play $(ARGS)
+	$(BIN)/python -m posture.play browser=true $(ARGS)
 
 film: setup ## films of a policy, MP4 and GIF; Hydra overrides in ARGS
 	$(BIN)/python -m posture.film $(ARGS)

@@ -7,7 +7,6 @@ python -m posture.export ckpt=latest what=[policy]
 """
 
 import hashlib
-import sys
 from pathlib import Path
 
 import torch
@@ -34,14 +33,10 @@ def export(config: ExportConfig, job: Path) -> None:
         out = Path(config.out) / job.name if cli.in_sweep() else Path(config.out)
     else:
         out = (job if cli.in_sweep() else Path(run_dir.folder_for(str(run_dir.RUNS), None))) / "export"
-    try:
-        if "trajectories" in config.what:
-            write_trajectories(config, model, run, out)
-        if "policy" in config.what:
-            write_policy(model, run, out)
-    except (OSError, onnx_policy.UnfaithfulError) as error:
-        print(f"error: {cli.one_line(error)}", file=sys.stderr)
-        sys.exit(1)
+    if "trajectories" in config.what:
+        write_trajectories(config, model, run, out)
+    if "policy" in config.what:
+        write_policy(model, run, out)
 
 
 def write_trajectories(config: ExportConfig, model: Path, run: TrainConfig, out: Path) -> None:

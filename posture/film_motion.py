@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posture.ramp import window_correlation
+from posture.run_error import RunError
 from posture.trajectory import Array, Trajectory
 
 
@@ -32,11 +33,11 @@ class Motion:
 def at_frames(trajectory: Trajectory, world: int, freq: Array | float, r: Array, start: float, time: Array) -> Motion:
     """World `world` at `time` (F,) [s] of a film that begins at `start` [s] of the trial, linear between control steps.
 
-    `freq` [Hz], (F,) or one number; `r` (T,), of the control steps. Raises ValueError where it fell at once.
+    `freq` [Hz], (F,) or one number; `r` (T,), of the control steps. Raises RunError where it fell at once.
     """
     step = int(trajectory.fall_step[world])
     if step == 0:
-        raise ValueError("the stander fell at the first step: there is nothing to film")
+        raise RunError("the stander fell at the first step: there is nothing to film")
     whole = slice(0, step if step > 0 else None)
     known, now = trajectory.time[whole], start + time
 

@@ -17,6 +17,7 @@ from rsl_rl.models import MLPModel
 
 from posture.atomic import replacing
 from posture.config import ConfigError, TrainConfig
+from posture.run_error import RunError
 
 NEEDED = ("onnx", "onnxscript", "onnxruntime")
 """Packages of the extra `export`."""
@@ -64,10 +65,6 @@ MEANING = {
 }
 
 
-class UnfaithfulError(Exception):
-    """The ONNX file does not give the policy's commands; the message is one line."""
-
-
 def check_installed() -> None:
     """Raise ConfigError where a package of the extra `export` is missing."""
     missing = [name for name in NEEDED if importlib.util.find_spec(name) is None]
@@ -88,7 +85,7 @@ def write_onnx(policy: MLPModel, run: TrainConfig, model: Path, path: Path) -> f
     """Write `policy`, that of checkpoint `model` of `run`, to `path` once onnxruntime gives its commands; atomic.
 
     Input `observation` (batch, size), output `action` (batch, 2), both float32. Returns the largest difference from torch
-    over `CHECKED` random observations. Raises UnfaithfulError where it is beyond `TOLERANCE`.
+    over `CHECKED` random observations. Raises RunError where it is beyond `TOLERANCE`.
     """
     import onnx
     import onnxruntime
@@ -119,7 +116,7 @@ def write_onnx(policy: MLPModel, run: TrainConfig, model: Path, path: Path) -> f
     (given,) = session.run(["action"], {"observation": seen.numpy()})
     difference = float(np.abs(given - expected).max())
     if not difference <= TOLERANCE * max(1.0, float(np.abs(expected).max())):
-        raise UnfaithfulError(f"{path.name}: its commands differ from the policy's by {difference:.2g}; nothing was written")
+        raise RunError(f"{path.name}: its commands differ from the policy's by {difference:.2g}; nothing was written")
     with replacing(path) as temporary:
         temporary.write_bytes(proto.SerializeToString())
     return difference

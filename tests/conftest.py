@@ -3,6 +3,7 @@
 import os
 import signal
 from collections.abc import Callable
+from pathlib import Path
 
 import hydra
 import pytest
@@ -55,3 +56,15 @@ def body(config: EnvConfig) -> Segments:
 @pytest.fixture(autouse=True)
 def _seeded() -> None:
     torch.manual_seed(0)
+
+
+@pytest.fixture(scope="session")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run of two tiny iterations, made once; tests harm copies of it."""
+    from tests.commands import TINY, call, runs
+
+    folder = tmp_path_factory.mktemp("sound")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        call(patch, "train", *TINY, "evaluate=false")
+        return folder / runs()[0]

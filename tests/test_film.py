@@ -20,6 +20,7 @@ from posture.film_scene import Ramp, TwoModes
 from posture.jobs import CONF, plain
 from posture.report.silhouette import TARGET_COLOUR
 from posture.run_dir import PRETRAINED
+from posture.run_error import RunError
 from posture.trajectory import Trajectory
 from tests import commands
 from tests.commands import refused
@@ -269,7 +270,7 @@ def test_a_fall_is_told_and_the_last_pose_kept():
     film.show(15)
     assert (title.get_text(), title.get_color()) == ("fell", FALL_COLOUR)
     assert motion.hip[15] == pytest.approx(math.radians(10) * math.sin(2 * math.pi * 4.98))
-    with pytest.raises(ValueError, match="fell at the first step"):
+    with pytest.raises(RunError, match="fell at the first step"):
         filmed_sway(swaying(0.0, fall_step=0))
 
 

@@ -324,6 +324,16 @@ def test_measures_by_hand(sign, mode):
     assert found.error == pytest.approx(0.03 / math.sqrt(2)) and found.beyond == 0.5
 
 
+def test_the_cost_is_over_whole_cycles():
+    """At 0.3 Hz the window of 300 steps holds a cycle and a half: 1 + sin is 1 over a cycle, 1.6 over half of one."""
+    history = History(1500)
+    for i in range(1000):
+        angle = 2 * math.pi * 0.3 * i * DT
+        history.append(i * DT, 0.3, math.sin(angle), math.sin(angle), 0.0, 0.0, 0.01, 1 + math.sin(angle))
+        if i >= 300:
+            assert measure(history, DT, 300, 0.01, 0.02).cost == pytest.approx(1.0, abs=0.01)
+
+
 def test_a_slow_target_is_measured_over_its_cycle():
     assert measure(filled(0.1, 1), DT, 300, 0.01, 0.02).window == pytest.approx(10.0, abs=DT)
 

@@ -18,20 +18,10 @@ from posture import checkpoint
 from posture.config import ConfigError
 from posture.policy import NUM_ACTIONS, OBSERVATION_SIZES, load_policy
 from posture.run_dir import iterations_done, read_config
-from tests.commands import TINY, call, refused, runs
+from tests.commands import refused
 from tests.conftest import compose
 
 SHORT = ["evaluation.duration=1.0", "evaluation.transient=0.1", "evaluation.freq=[0.5]", "evaluation.figures=false"]
-
-
-@pytest.fixture(scope="module")
-def sound(tmp_path_factory):
-    """A run of two tiny iterations, made once."""
-    folder = tmp_path_factory.mktemp("sound")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        call(patch, "train", *TINY, "evaluate=false")
-        return folder / runs()[0]
 
 
 @pytest.fixture

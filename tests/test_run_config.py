@@ -10,23 +10,13 @@ from omegaconf import OmegaConf
 import envs.head_tracking
 from posture.config import ConfigError
 from posture.run_dir import PRETRAINED, read_config
-from tests.commands import TINY, call, refused, runs
+from tests.commands import refused
 
 SECRET = "the-secret-of-the-environment"
 COMMANDS = {
     "eval": ("eval", "ckpt=run", "evaluation.duration=1.0", "evaluation.transient=0.1", "evaluation.freq=[0.5]"),
     "resume": ("train", "resume=run", "max_iterations=3"),
 }
-
-
-@pytest.fixture(scope="module")
-def sound(tmp_path_factory):
-    """A run of two tiny iterations, made once."""
-    folder = tmp_path_factory.mktemp("sound")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        call(patch, "train", *TINY, "evaluate=false")
-        return folder / runs()[0]
 
 
 @pytest.fixture

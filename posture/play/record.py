@@ -24,13 +24,14 @@ from posture.play.scene import Scene, look, rgb
 from posture.play.server import HOST
 from posture.play.session import Session
 from posture.play.theory import Office
+from posture.run_error import RunError
 from posture.stander import segments
 
 
 def record(config: PlayConfig, path: Path) -> None:
     """Write the ramp of `config.recording` to `path`, and say how large it is.
 
-    Raises ConfigError where `path` or the checkpoint will not do, RuntimeError where the stander falls.
+    Raises ConfigError where `path` or the checkpoint will not do, RunError where the stander falls.
     """
     if path.suffix != ".html":
         raise ConfigError(f"record = {path}: the name must end in .html")
@@ -56,10 +57,10 @@ def record(config: PlayConfig, path: Path) -> None:
 
 
 def film(session: Session, server: viser.ViserServer, config: PlayConfig) -> str:
-    """The page. RuntimeError where the stander falls."""
+    """The page. RunError where the stander falls."""
     low, high = config.recording.freq
     look(server.initial_camera)
-    scene = Scene(server.scene, session.sole)
+    scene = Scene(server.scene, session.sole, config.paper["table_1"]["target_height_m"])
     session.set(freq=low)
     # The first window is not shown, since no mode has a name before it is full.
     while session.measures().mode == "undefined" and session.time < 60:
@@ -72,7 +73,7 @@ def film(session: Session, server: viser.ViserServer, config: PlayConfig) -> str
     end = 2 * config.recording.hold + (high - low) / config.ramp_rate
     while (elapsed := session.time - start) < end:
         if session.falls:
-            raise RuntimeError(f"the stander fell at {session.knobs.freq:.2f} Hz, {elapsed:.0f} s into the recording")
+            raise RunError(f"the stander fell at {session.knobs.freq:.2f} Hz, {elapsed:.0f} s into the recording")
         if elapsed >= shown:
             scene.show(session.state, session.knobs.tolerance, session.knobs.load)
             measures = session.measures()

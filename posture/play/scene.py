@@ -17,7 +17,7 @@ from posture.play.session import State
 from posture.trajectory import Array
 
 BODY_COLOUR, LIMB_COLOUR, LOAD_COLOUR = (79, 124, 172), (122, 157, 195), (70, 70, 75)
-TARGET_HEIGHT, TARGET_RADIUS = 1.7, 0.03  # [m] paper Table 1 has the height
+TARGET_RADIUS = 0.03  # [m]
 METRES_PER_NEWTON = 1.0 / 400.0  # of the arrows: the whole body's weight is about a metre
 BESIDE = np.array([[0.0, 0.09, 0.0], [0.0, -0.09, 0.0]])  # [m] the arrows stand outside the legs, which would hide them
 CAMERA, LOOK_AT, FIELD_OF_VIEW = (0.75, -3.3, 1.25), (0.1, 0.0, 0.95), 0.7
@@ -37,7 +37,8 @@ class Shape(NamedTuple):
 class Scene:
     """Draws states into `scene`, of a server or of one of its clients."""
 
-    def __init__(self, scene: viser.SceneApi, sole: tuple[float, float]) -> None:
+    def __init__(self, scene: viser.SceneApi, sole: tuple[float, float], target_height: float) -> None:
+        """`sole`: its ends in the foot's frame [m]. `target_height` [m]: paper Table 1."""
         scene.set_up_direction("+z")
         scene.configure_default_lights(enabled=True, cast_shadow=False)  # shadows are dear without a GPU
         scene.add_grid(
@@ -62,8 +63,8 @@ class Scene:
         pin = trimesh.creation.cylinder(0.006, segment=[[0, -0.19, 0.19], [0, 0.19, 0.19]], sections=8)
         scene.add_mesh_simple("/hat/pin", pin.vertices, pin.faces, color=(20, 20, 20))
         self._target = scene.add_frame("/target", show_axes=False)
-        scene.add_icosphere("/target/ball", TARGET_RADIUS, rgb(ORANGE), position=(0.0, 0.0, TARGET_HEIGHT))
-        line = [[[0.0, 0.0, 1.42], [0.0, 0.0, TARGET_HEIGHT]]]
+        scene.add_icosphere("/target/ball", TARGET_RADIUS, rgb(ORANGE), position=(0.0, 0.0, target_height))
+        line = [[[0.0, 0.0, 1.42], [0.0, 0.0, target_height]]]
         scene.add_line_segments("/target/line", np.array(line), rgb(ORANGE), thickness=2.0, thickness_units="screen")
         self._band = scene.add_box("/target/band", rgb(ORANGE), (1.0, 0.36, 0.3), opacity=0.35, position=(0.0, 0.0, 1.46))
         self._foot_middle = (sole[0] + sole[1]) / 2

@@ -53,7 +53,7 @@ class Visit(threading.Thread):
         gui.main_panel.dock_right()
         gui.main_panel.set_width(310)
         look(client.camera)
-        self._scene = Scene(client.scene, self.session.sole)
+        self._scene = Scene(client.scene, self.session.sole, config.paper["table_1"]["target_height_m"])
 
     def leave(self) -> None:
         """End the visit."""
