@@ -34,9 +34,9 @@ from mujoco.rollout import Rollout
 from shared import alone, compose, hardware, memory, missing, timed, write
 
 from envs.config import EnvConfig
-from envs.head_tracking import HeadTrackingEnv
-from envs.mujoco_c import build
-from envs.simulation import ConstraintOverflowError
+from envs.engines.interface import ConstraintOverflowError
+from envs.engines.mujoco_c import build
+from envs.task.head_tracking import HeadTrackingEnv
 
 ENGINES = ("sagittal", "mujoco", "mujoco_c", "gymnasium", "gymnasium_async")
 REFERENCE = "mujoco"

@@ -1,6 +1,7 @@
 """The default task as a Gymnasium environment on MuJoCo's C engine, one stander a world: for comparison only.
 
-Body, step, actions, target, reward and early ends are those of `envs.head_tracking.HeadTrackingEnv`, and all numbers are
+Body, step, actions, target, reward and early ends are those of `envs.task.head_tracking.HeadTrackingEnv`, and all numbers
+are
 those of its configuration; tests/test_benchmarks.py holds the two together. `Pool` is many of them in few processes.
 """
 
@@ -13,13 +14,13 @@ import mujoco
 import numpy as np
 from gymnasium import spaces
 
-from envs import rewards, terminations
-from envs.body import ANKLES, FEET, HIPS, JOINTS
+from envs.body.joints import ANKLES, FEET, HIPS, JOINTS
 from envs.config import EnvConfig
-from envs.mujoco_c import build
+from envs.engines.mujoco_c import build
+from envs.task import rewards, terminations
 
 FORK = "fork"
-"""How worlds get their processes: each would else import Newton anew, for the sake of a few names in envs/body.py."""
+"""How worlds get their processes: each would else import Newton anew, for the sake of a few names in envs/body/model.py."""
 
 Step = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[int, np.ndarray]]
 
@@ -147,7 +148,7 @@ TERMS: dict[str, Callable[[StanderEnv], object]] = {
     "target_velocity": lambda env: (env.target_vx,),
     "target_error": lambda env: (env.target_x - env.head_x,),
 }
-"""Those of envs/observations.py that are supported, under the same names."""
+"""Those of envs/task/observations.py that are supported, under the same names."""
 
 
 def shares(config: EnvConfig, worlds: int) -> list[EnvConfig]:

@@ -29,13 +29,13 @@ import torch
 from shared import alone, compose, hardware, missing, write
 from torch import distributed
 
-from envs.head_tracking import HeadTrackingEnv
-from posture import parallel
-from posture.config import TrainConfig
-from posture.coordination import indices
-from posture.evaluation import AS_TRAINED, beside_theory, trial_config
-from posture.learner import Learner
-from posture.rollout import Policy, rollout
+from envs.task.head_tracking import HeadTrackingEnv
+from posture.analysis.coordination import indices
+from posture.config.train import TrainConfig
+from posture.evaluation.rollout import Policy, rollout
+from posture.evaluation.trial import AS_TRAINED, beside_theory, trial_config
+from posture.learning import parallel
+from posture.learning.learner import Learner
 
 GOOD = 1.25
 """Cost ratio that counts as learned: within 25 % of the least cost."""

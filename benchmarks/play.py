@@ -20,9 +20,9 @@ import hydra
 from playwright.sync_api import sync_playwright
 from shared import write
 
-from posture.config import read
-from posture.jobs import CONF, plain
-from posture.play.config import PlayConfig
+from posture.cli.jobs import CONF, plain
+from posture.config.play import PlayConfig
+from posture.config.reading import read
 from posture.play.pilot import candidates
 from posture.play.server import opened
 

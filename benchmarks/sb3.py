@@ -12,8 +12,8 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from tensordict import TensorDict
 
-from posture.config import TrainConfig
-from posture.rollout import Policy
+from posture.config.train import TrainConfig
+from posture.evaluation.rollout import Policy
 
 
 class PoolVecEnv(VecEnv):

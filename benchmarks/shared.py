@@ -15,8 +15,9 @@ import hydra
 import torch
 import warp as wp
 
-from posture.config import TrainConfig, read
-from posture.jobs import CONF, plain
+from posture.cli.jobs import CONF, plain
+from posture.config.reading import read
+from posture.config.train import TrainConfig
 
 
 def compose(*overrides: str) -> TrainConfig:

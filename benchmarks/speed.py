@@ -16,8 +16,8 @@ from typing import Any
 import torch
 from shared import compose, finish, hardware, timed, write
 
-from envs.head_tracking import HeadTrackingEnv
-from posture.learner import Learner
+from envs.task.head_tracking import HeadTrackingEnv
+from posture.learning.learner import Learner
 
 STEPS, ITERATIONS = 64, 4
 

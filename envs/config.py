@@ -84,7 +84,7 @@ Weight = Annotated[float, Field(ge=-10_000, le=10_000)] | Schedule
 
 
 class RewardConfig(Strict):
-    """Terms of paper Eq. 6-10 and of the authors' code; see envs/rewards.py for the formula that joins them."""
+    """Terms of paper Eq. 6-10 and of the authors' code; see envs/task/rewards.py for the formula that joins them."""
 
     stay_weight: Weight
     stay_sharpness: Sharpness

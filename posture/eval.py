@@ -9,12 +9,15 @@ python -m posture.eval policy=lqr                        # the model-based contr
 
 from pathlib import Path
 
-from posture import cli, run_dir
-from posture.config import ConfigError, EnvChanges, EvalConfig, TrainConfig
-from posture.coordination import Row, write_csv
-from posture.jobs import identity
-from posture.sweep import override_slug
-from posture.sweep_run import status
+from posture.analysis.coordination import Row, write_csv
+from posture.cli import entry
+from posture.cli.jobs import identity
+from posture.cli.ranges import override_slug
+from posture.cli.sweep import status
+from posture.config.errors import ConfigError
+from posture.config.eval import EnvChanges, EvalConfig
+from posture.config.train import TrainConfig
+from posture.storage import checkpoint, run_dir
 
 
 def evaluate_all(config: EvalConfig, job: Path) -> None:
@@ -25,20 +28,20 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
     out = None if config.out is None else run_dir.writable(Path(config.out))
     if config.policy == "lqr":
         # Only now, so that bad input is answered before physics takes seconds to import.
-        from posture.evaluation import evaluate_lqr
+        from posture.evaluation.trial import evaluate_lqr
 
         folder = out or Path(run_dir.folder_for(str(run_dir.RUNS), None)) / "evaluation"
         evaluate_lqr(config.lqr, config.evaluation, config.env, config.paper, config.device, folder)
         return
-    in_experiment = cli.in_sweep() and cli.experiment() is not None
+    in_experiment = entry.in_sweep() and entry.experiment() is not None
     models = run_dir.find_checkpoints(config.ckpt, only_current if in_experiment else None)
     runs = [run_dir.read_config(model.parent) for model in models]
-    from posture.policy import load_policy
+    from posture.learning.policy import load_policy
 
     for model, run in zip(models, runs, strict=True):
-        load_policy(run_dir.load(model, "cpu"), run, model, "cpu")
+        load_policy(checkpoint.load(model, "cpu"), run, model, "cpu")
     # Only now, so that a checkpoint that is none, or another run's, is told of before physics takes seconds to import.
-    from posture.evaluation import condition, evaluate
+    from posture.evaluation.trial import condition, evaluate
 
     everything: list[Row] = []
     home = None
@@ -54,7 +57,7 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
         rows = evaluate(model, run, config.evaluation, config.env, config.device, folder, config.again)
         everything += [condition(run, config.env) | {"run": model.parent.name} | row for row in rows]
     if len(models) > 1 or in_experiment:
-        table = (out or (job if cli.in_sweep() else Path(config.ckpt))) / "metrics.csv"
+        table = (out or (job if entry.in_sweep() else Path(config.ckpt))) / "metrics.csv"
         write_csv(everything, table)
         print(f"all runs: {table}")
 
@@ -80,5 +83,10 @@ def folder_name(model: Path, run: TrainConfig, changes: EnvChanges) -> str:
     return f"evaluation_{override_slug(','.join(parts))}" if parts else "evaluation"
 
 
+def main() -> None:
+    """The command `python -m posture.eval`."""
+    entry.run("eval", EvalConfig, evaluate_all)
+
+
 if __name__ == "__main__":
-    cli.run("eval", EvalConfig, evaluate_all)
+    main()

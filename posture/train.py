@@ -7,12 +7,14 @@ python -m posture.train resume=latest max_iterations=500
 
 from pathlib import Path
 
-import torch
-
-from posture import atomic, cli, parallel, run_dir
-from posture.config import ConfigError, TrainConfig, check_device, check_engine
-from posture.lock import locked
-from posture.progress import preparing
+from posture.cli import entry
+from posture.config.device import check_device, check_engine
+from posture.config.errors import ConfigError
+from posture.config.train import TrainConfig
+from posture.learning import parallel, policy
+from posture.learning.progress import preparing
+from posture.storage import atomic, provenance, run_dir
+from posture.storage.lock import locked
 
 RESUME_KEYS = {"resume", "max_iterations", "device", "threads", "evaluate"}
 """What may be changed when a run goes on; all else is the run's own."""
@@ -31,7 +33,7 @@ def _train(config: TrainConfig, folder: Path) -> None:
     if config.resume is not None:
         config = _resumed(config, folder)
     begun = config.resume is not None or (folder / "resume.pt").exists()
-    done = run_dir.iterations_done(folder) if begun else 0
+    done = policy.iterations_done(folder) if begun else 0
     if done < config.max_iterations:
         with parallel.crew(config.processes, config.device, _learn, config, folder, done > 0):
             _learn(config, folder, done > 0)
@@ -40,7 +42,7 @@ def _train(config: TrainConfig, folder: Path) -> None:
     if parallel.rank() != 0:
         return
     if config.evaluate:
-        from posture.evaluation import evaluate_run
+        from posture.evaluation.trial import evaluate_run
 
         evaluate_run(folder, config)
     print(f"run: {folder}")
@@ -49,8 +51,10 @@ def _train(config: TrainConfig, folder: Path) -> None:
 def _learn(config: TrainConfig, folder: Path, resume: bool) -> None:
     """This process's share of the training; `resume`: go on from the folder's newest state."""
     # Only now, so that bad input is answered before physics takes seconds to import.
-    from envs.head_tracking import HeadTrackingEnv
-    from posture.learner import Learner
+    import torch
+
+    from envs.task.head_tracking import HeadTrackingEnv
+    from posture.learning.learner import Learner
 
     rank, size = parallel.rank(), parallel.size()
     if config.env.num_envs % size:
@@ -61,7 +65,7 @@ def _learn(config: TrainConfig, folder: Path, resume: bool) -> None:
     if rank == 0:
         run_dir.writable(folder)
         if not resume:
-            run_dir.write_config(folder, config)
+            provenance.write_config(folder, config)
     with preparing():
         env = HeadTrackingEnv(config.env, config.seed, device, (rank, size))
         learner = Learner(env, config.agent, folder, device)
@@ -69,13 +73,13 @@ def _learn(config: TrainConfig, folder: Path, resume: bool) -> None:
         if resume:
             learner.resume()
             if rank == 0:
-                run_dir.write_config(folder, config)  # only now that it is known to fit
+                provenance.write_config(folder, config)  # only now that it is known to fit
     learner.train(config.max_iterations)
 
 
 def _resumed(config: TrainConfig, folder: Path) -> TrainConfig:
     """The run's own configuration with what the command line may change."""
-    changed = cli.overridden_keys()
+    changed = entry.overridden_keys()
     if changed - RESUME_KEYS:
         raise ConfigError(
             f"resume: {', '.join(sorted(changed - RESUME_KEYS))} cannot be changed on the way; "
@@ -89,7 +93,7 @@ def _resumed(config: TrainConfig, folder: Path) -> TrainConfig:
         check_engine(merged.env.physics, merged.device)
     except ValueError as error:
         raise ConfigError(str(error)) from None
-    done = run_dir.iterations_done(folder)
+    done = policy.iterations_done(folder)
     if merged.max_iterations <= done:
         raise ConfigError(
             f"max_iterations = {merged.max_iterations}: {folder} has already done {done}; it is a total, so give a larger "
@@ -98,5 +102,10 @@ def _resumed(config: TrainConfig, folder: Path) -> TrainConfig:
     return merged
 
 
+def main() -> None:
+    """The command `python -m posture.train`."""
+    entry.run("train", TrainConfig, train)
+
+
 if __name__ == "__main__":
-    cli.run("train", TrainConfig, train)
+    main()

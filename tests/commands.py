@@ -8,13 +8,14 @@ import pytest
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 
-from posture import cli
-from posture.config import EvalConfig, TrainConfig
+from posture.cli import entry
+from posture.config.eval import EvalConfig
+from posture.config.export import ExportConfig
+from posture.config.reproduce import ReproduceConfig
+from posture.config.train import TrainConfig
 from posture.eval import evaluate_all
-from posture.export import export
-from posture.export_config import ExportConfig
-from posture.reproduce import reproduce
-from posture.reproduce_config import ReproduceConfig
+from posture.export.__main__ import export
+from posture.reproduce.__main__ import reproduce
 from posture.train import train
 
 TINY = [
@@ -37,19 +38,19 @@ ENTRIES = {
 }
 
 
-def call(monkeypatch, entry, *arguments):
-    """`python -m posture.<entry> arguments` in this process."""
+def call(monkeypatch, command, *arguments):
+    """`python -m posture.<command> arguments` in this process."""
     GlobalHydra.instance().clear()
     HydraConfig.instance().cfg = None
-    monkeypatch.setattr(sys, "argv", [f"posture.{entry}", *arguments])
-    kind, task = ENTRIES[entry]
-    cli.run(entry, kind, task)
+    monkeypatch.setattr(sys, "argv", [f"posture.{command}", *arguments])
+    kind, task = ENTRIES[command]
+    entry.run(command, kind, task)
 
 
-def refused(monkeypatch, capsys, entry, *arguments):
+def refused(monkeypatch, capsys, command, *arguments):
     """The one line that bad input is answered with."""
     with pytest.raises(SystemExit) as stop:
-        call(monkeypatch, entry, *arguments)
+        call(monkeypatch, command, *arguments)
     told = capsys.readouterr()
     assert stop.value.code == 2, told.err
     lines = told.err.strip().splitlines()

@@ -9,11 +9,13 @@ import hydra
 import pytest
 import torch
 
+from envs.body.segments import Segments
 from envs.config import EnvConfig
-from envs.segments import Segments
-from posture.config import EvalConfig, TrainConfig, read
-from posture.jobs import CONF, plain
-from posture.stander import segments
+from posture.cli.jobs import CONF, plain
+from posture.config.eval import EvalConfig
+from posture.config.reading import read
+from posture.config.train import TrainConfig
+from posture.theory.stander import segments
 
 # Tests are tiny: threads of torch, here and in the processes that tests start, would only wait for each other.
 torch.set_num_threads(1)

@@ -3,7 +3,8 @@
 import mujoco
 import numpy as np
 
-from envs.body import BODIES, FEET, JOINTS, MJCF
+from envs.body.joints import BODIES, FEET, JOINTS
+from envs.body.model import MJCF
 
 
 class MujocoC:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from envs.head_tracking import HeadTrackingEnv
+from envs.task.head_tracking import HeadTrackingEnv
 
 pytest.importorskip("gymnasium")
 BENCHMARKS = Path(__file__).parents[1] / "benchmarks"

@@ -17,10 +17,12 @@ from pathlib import Path
 import pytest
 from hydra.core.global_hydra import GlobalHydra
 
-from posture import cli, jobs, run_dir
+from posture.cli import entry as cli_entry
+from posture.cli import jobs
+from posture.storage import run_dir
 from tests.commands import TINY
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 PROGRAMS = ("python ", "make ", "tensorboard ", "torchrun ", "pip ")
 
@@ -119,9 +121,9 @@ def checked(monkeypatch, name, arguments):
 
     def only_check(config_name, kind, task):
         GlobalHydra.instance().clear()
-        found.append(jobs.check(config_name, kind, cli._expanded(sys.argv[1:])))
+        found.append(jobs.check(config_name, kind, cli_entry._expanded(sys.argv[1:])))
 
-    monkeypatch.setattr(cli, "run", only_check)
+    monkeypatch.setattr(cli_entry, "run", only_check)
     monkeypatch.setattr(jobs, "check_device", lambda device: None)  # a document may speak of a GPU that is not here
     monkeypatch.setattr(sys, "argv", [name, *arguments])
     monkeypatch.setattr(run_dir, "find_run", lambda name: Path("runs") / name)  # `latest` is a run of the user's

@@ -1,17 +1,49 @@
-"""python -m posture.play"""
+"""A page on this machine where one plays with a stander, live: sliders, a push, and the mode named as it switches.
 
-from posture import signals
+python -m posture.play                                   # the shipped policy; prints the address of the page
+python -m posture.play ckpt=runs/<run> port=8090
+python -m posture.play ckpt=lqr hip_k=60                 # the model-based controller
+python -m posture.play record=out.html                   # no page: one file that plays by itself, without Python
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from posture.cli import signals
+
+if TYPE_CHECKING:
+    from posture.config.play import PlayConfig
+
+
+def play(config: PlayConfig, _folder: Path) -> None:
+    """Serve the page until Ctrl-C, or write a recording. Raises ConfigError where viser is not installed."""
+    from importlib.util import find_spec
+
+    from posture.config.errors import ConfigError
+
+    if find_spec("viser") is None:
+        raise ConfigError("the page needs viser: python -m pip install -c constraints.txt -e '.[play]'")
+    # Only now, so that bad input is answered before physics takes seconds to import.
+    if config.record is not None:
+        from posture.play.record import record
+
+        record(config, Path(config.record))
+        return
+    from posture.play.server import serve
+
+    serve(config)
 
 
 def main() -> None:
-    """The command; after Ctrl-C it exits with 130, after SIGTERM with 143, at whatever moment."""
+    """The command `python -m posture.play`; Ctrl-C ends it with exit code 130, SIGTERM with 143, while it starts, too."""
     with signals.handled():
-        # Only now, since these take seconds, in which one may think better of it.
-        from posture import cli
-        from posture.play import play
-        from posture.play.config import PlayConfig
+        # Only now: these take seconds, in which Ctrl-C must work.
+        from posture.cli import entry
+        from posture.config.play import PlayConfig
 
-        cli.run("play", PlayConfig, play)
+        entry.run("play", PlayConfig, play)
 
 
 if __name__ == "__main__":

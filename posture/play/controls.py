@@ -8,8 +8,8 @@ from contextlib import AbstractContextManager
 
 import viser
 
-from posture.config import ConfigError
-from posture.play.config import KNOBS, PlayConfig
+from posture.config.errors import ConfigError
+from posture.config.play import KNOBS, PlayConfig
 from posture.play.session import Session
 
 LABELS = {

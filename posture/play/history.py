@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from posture.trajectory import Array
+from posture.analysis.trajectory import Array
 
 SIGNALS = ("time", "freq", "hip", "ankle", "target", "head", "cop", "cost")
 

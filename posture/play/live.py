@@ -8,11 +8,11 @@ import numpy as np
 import viser
 from viser import uplot
 
-from posture.figures import ANKLE_COLOUR, GREY, HIP_COLOUR, MODE_COLOUR
+from posture.analysis.trajectory import Array
+from posture.config.play import PlayConfig
+from posture.drawing.style import ANKLE_COLOUR, GREY, HIP_COLOUR, MODE_COLOUR
 from posture.play import plots
-from posture.play.config import PlayConfig
 from posture.play.session import Session
-from posture.trajectory import Array
 
 SPAN_S = 10.0
 """[s] of the joint angles that are shown."""

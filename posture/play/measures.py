@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posture.coordination import mode
+from posture.analysis.coordination import mode
+from posture.analysis.ramp import window_correlation
 from posture.play.history import History
-from posture.ramp import window_correlation
 
 
 @dataclass(frozen=True)

@@ -9,16 +9,18 @@ from typing import Protocol
 
 import torch
 
+from envs.body.segments import Segments
 from envs.config import EnvConfig
-from envs.segments import Segments
-from posture import run_dir
-from posture.config import ConfigError, LqrConfig, TrainConfig
+from posture.config.errors import ConfigError
+from posture.config.eval import LqrConfig
+from posture.config.train import TrainConfig
+from posture.learning.policy import load_policy
 from posture.play.knobs import Knobs
 from posture.play.planned import Planned
 from posture.play.steered import SteeredEnv, steered_config
 from posture.play.theory import Office
-from posture.policy import load_policy
-from posture.run_dir import PRETRAINED
+from posture.storage import checkpoint, run_dir
+from posture.storage.run_dir import PRETRAINED
 
 LQR = "lqr"
 
@@ -52,7 +54,7 @@ class Trained:
     def __init__(self, candidate: Candidate, env: SteeredEnv) -> None:
         """Raises ConfigError where the checkpoint does not hold the policy of its run."""
         assert candidate.model is not None and candidate.run is not None
-        self._policy = load_policy(run_dir.load(candidate.model, "cpu"), candidate.run, candidate.model, "cpu")
+        self._policy = load_policy(checkpoint.load(candidate.model, "cpu"), candidate.run, candidate.model, "cpu")
 
     def act(self, env: SteeredEnv, knobs: Knobs) -> torch.Tensor:
         """See `Pilot`."""
@@ -70,7 +72,7 @@ def candidates(ckpt: str, lqr: LqrConfig) -> list[Candidate]:
     models = [] if ckpt == LQR else run_dir.find_checkpoints(ckpt)
     named = [_candidate(model) for model in models]
     for candidate in named:
-        run_dir.load(candidate.model, "cpu")  # type: ignore[arg-type]  # a damaged file is told of before the page opens
+        checkpoint.load(candidate.model, "cpu")  # type: ignore[arg-type]  # a damaged file is told of before the page opens
     shipped = sorted(path for path in PRETRAINED.iterdir() if run_dir.is_run(path)) if PRETRAINED.is_dir() else []
     shipped.sort(key=lambda path: (path.name != "default", path.name.split("-")[0], _number(path.name)))
     others = [_candidate(model) for model in map(run_dir.newest_model, shipped) if model is not None and model not in models]

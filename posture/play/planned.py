@@ -1,4 +1,4 @@
-"""The model-based controller of `posture.lqr` for a target and a body that change while it acts.
+"""The model-based controller of `posture.theory.lqr` for a target and a body that change while it acts.
 
 The reference is the least-cost motion, q(t) = Re sum_k c_k exp(i k phi(t)), with the target's own phase phi. Its
 coefficients are planned anew as the sliders move, in another process. Those in use follow the plan by
@@ -11,17 +11,17 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from envs.body import ANKLES, HIPS
+from envs.body.joints import ANKLES, HIPS
+from envs.body.segments import Segments
 from envs.config import EnvConfig
-from envs.segments import Segments
-from posture import lqr
-from posture.config import LqrConfig
+from posture.analysis.trajectory import Array
+from posture.config.eval import LqrConfig
 from posture.play.knobs import Knobs
 from posture.play.steered import SteeredEnv
 from posture.play.theory import Asked, Coefficients, Office
-from posture.program import HARMONICS, InfeasibleError
-from posture.stander import JOINTS_OF_A_KIND, linearise
-from posture.trajectory import Array
+from posture.theory import lqr
+from posture.theory.program import HARMONICS, InfeasibleError
+from posture.theory.stander import JOINTS_OF_A_KIND, linearise
 
 SETTLED = 5.8
 """w times the time after which the coefficients have come within 2 % of the plan."""
@@ -30,7 +30,7 @@ REPLAN_HZ = 0.02
 
 
 def plan(body: Segments, env: EnvConfig, freq: float, tolerance: float, config: LqrConfig) -> Coefficients:
-    """The coefficients of `posture.lqr.plan`. Raises InfeasibleError."""
+    """The coefficients of `posture.theory.lqr.plan`. Raises InfeasibleError."""
     return lqr.plan(linearise(body, env), freq, env.amplitude, tolerance, config).coefficients
 
 

@@ -8,10 +8,10 @@ from html import escape
 
 import numpy as np
 
-from posture.figures import BLUE, FALL_COLOUR, GREY, MODE_COLOUR, ORANGE
+from posture.analysis.trajectory import Array
+from posture.drawing.style import BLUE, FALL_COLOUR, GREY, MODE_COLOUR, ORANGE
 from posture.play.measures import Measures
 from posture.play.theory import Least
-from posture.trajectory import Array
 
 RISING, FALLING = ORANGE, BLUE
 SQUARE, MARGIN = 170, 26  # [px] of a square picture, and of its margin for labels

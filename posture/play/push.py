@@ -9,9 +9,10 @@ import mujoco
 import numpy as np
 import torch
 
-from envs.body import ANKLES, BODIES, HIPS, JOINTS, MJCF
+from envs.body.joints import ANKLES, BODIES, HIPS, JOINTS
+from envs.body.model import MJCF
 from envs.config import EnvConfig
-from envs.head_tracking import HeadTrackingEnv
+from envs.task.head_tracking import HeadTrackingEnv
 
 
 class Pusher:

@@ -13,19 +13,18 @@ from pathlib import Path
 import numpy as np
 import viser
 
-from posture import run_dir
-from posture.atomic import replacing
-from posture.config import ConfigError
-from posture.figures import MODE_COLOUR
-from posture.play.config import PlayConfig
+from posture.config.errors import ConfigError, RunError
+from posture.config.play import PlayConfig
+from posture.drawing.style import MODE_COLOUR
 from posture.play.measures import Measures
 from posture.play.pilot import candidates
 from posture.play.scene import Scene, look, rgb
 from posture.play.server import HOST
 from posture.play.session import Session
 from posture.play.theory import Office
-from posture.run_error import RunError
-from posture.stander import segments
+from posture.storage import run_dir
+from posture.storage.atomic import replacing
+from posture.theory.stander import segments
 
 
 def record(config: PlayConfig, path: Path) -> None:

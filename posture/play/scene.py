@@ -11,10 +11,11 @@ import trimesh
 import viser
 from matplotlib.colors import to_rgb
 
-from envs.body import BODIES, MJCF
-from posture.figures import FALL_COLOUR, MODE_COLOUR, ORANGE, RED
+from envs.body.joints import BODIES
+from envs.body.model import MJCF
+from posture.analysis.trajectory import Array
+from posture.drawing.style import FALL_COLOUR, MODE_COLOUR, ORANGE, RED
 from posture.play.session import State
-from posture.trajectory import Array
 
 BODY_COLOUR, LIMB_COLOUR, LOAD_COLOUR = (79, 124, 172), (122, 157, 195), (70, 70, 75)
 TARGET_RADIUS = 0.03  # [m]

@@ -15,13 +15,13 @@ from collections.abc import Iterator
 import torch
 import viser
 
-from posture.config import ConfigError
-from posture.play.config import PlayConfig
+from posture.config.errors import ConfigError
+from posture.config.play import PlayConfig
 from posture.play.pilot import Candidate, candidates
 from posture.play.scene import look
 from posture.play.theory import Office
 from posture.play.visit import Visit
-from posture.stander import segments
+from posture.theory.stander import segments
 
 HOST = "127.0.0.1"
 

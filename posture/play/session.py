@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 import torch
 
-from envs.body import ANKLES, BODIES, HIPS
-from envs.segments import Segments
-from posture.play.config import KNOBS, PlayConfig
+from envs.body.joints import ANKLES, BODIES, HIPS
+from envs.body.segments import Segments
+from posture.analysis.trajectory import Array
+from posture.config.play import KNOBS, PlayConfig
+from posture.evaluation.rollout import MIN_LOAD_N
 from posture.play.history import History
 from posture.play.knobs import Knobs
 from posture.play.measures import Measures, Trail, measure
@@ -20,8 +22,6 @@ from posture.play.pilot import Candidate, Pilot, board
 from posture.play.push import Pusher
 from posture.play.steered import SteeredEnv
 from posture.play.theory import Asked, Least, Office, least
-from posture.rollout import MIN_LOAD_N
-from posture.trajectory import Array
 
 LYING_S = 1.5
 """[s] a fall is shown before the next start."""
@@ -33,7 +33,8 @@ FEET = [BODIES.index(name) for name in ("foot_left", "foot_right")]
 class State:
     """What is seen of one moment.
 
-    pose: frames of `envs.body.BODIES`, position [m] and quaternion x y z w, (5, 7). head, target: along x [m]. force: of the
+    pose: frames of `envs.body.joints.BODIES`, position [m] and quaternion x y z w, (5, 7). head, target: along x [m].
+    force: of the
     ground on left and right foot [N], (2, 3); at: where it acts in the world [m], (2, 3). cop: centre of pressure in the
     foot's frame [m], nan without load.
     """

@@ -6,9 +6,9 @@ from typing import Any
 import torch
 from tensordict import TensorDict
 
-from envs import target
 from envs.config import EnvConfig
-from envs.head_tracking import HeadTrackingEnv
+from envs.task import target
+from envs.task.head_tracking import HeadTrackingEnv
 from posture.play.knobs import Knobs
 
 ENDLESS = 10_000_000

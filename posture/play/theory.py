@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from envs.body.segments import Segments
 from envs.config import EnvConfig
-from envs.segments import Segments
-from posture.coordination import torque_cost
-from posture.motion import joint_arrays
-from posture.optimum import bound
-from posture.program import InfeasibleError
-from posture.stander import linearise
-from posture.trajectory import Array
-from posture.transition import bound_transition
+from posture.analysis.coordination import torque_cost
+from posture.analysis.trajectory import Array
+from posture.theory.motion import joint_arrays
+from posture.theory.optimum import bound
+from posture.theory.program import InfeasibleError
+from posture.theory.stander import linearise
+from posture.theory.transition import bound_transition
 
 Coefficients = NDArray[np.complex128]
 

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import torch
 import viser
 
-from envs.segments import Segments
-from posture.play.config import PlayConfig
+from envs.body.segments import Segments
+from posture.config.play import PlayConfig
 from posture.play.controls import Controls
 from posture.play.live import Live
 from posture.play.pilot import Candidate

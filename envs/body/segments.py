@@ -1,0 +1,110 @@
+"""The stander's segments in the sagittal plane, read from its Newton model: what planar mechanics and theory start from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import newton
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Segments:
+    """Masses, inertias and places of HAT, both legs together and both feet together, without springs and load.
+
+    hat_mass, leg_mass, foot_mass [kg]. hat_inertia, leg_inertia, foot_inertia: about y through centres of mass [kg m2].
+    Places are (x, z) [m] along the segment's own axes, which are the world's when upright: hat_com, hat_frame and head from
+    the hip; leg_com, leg_frame and hip from the ankle; foot_com, foot_frame, heel and toe (centres of the balls at the ends
+    of the sole) from the ankle. sole_radius: of those balls [m]. half_width: distance of the frames of leg and foot from the
+    midplane [m], (2,). gravity [m/s2].
+    """
+
+    hat_mass: float
+    leg_mass: float
+    foot_mass: float
+    hat_inertia: float
+    leg_inertia: float
+    foot_inertia: float
+    hat_com: Array
+    hat_frame: Array
+    head: Array
+    leg_com: Array
+    leg_frame: Array
+    hip: Array
+    foot_com: Array
+    foot_frame: Array
+    heel: Array
+    toe: Array
+    sole_radius: float
+    half_width: Array
+    gravity: float
+
+    @property
+    def ankle_x(self) -> float:
+        """Ankle in the foot's frame along x [m]."""
+        return -float(self.foot_frame[0])
+
+    @property
+    def ankle_height(self) -> float:
+        """Ankle above the ground, feet flat [m]."""
+        return self.sole_radius - float(self.heel[1])
+
+    @property
+    def heel_x(self) -> float:
+        """Rear end of the contact line in the foot's frame [m]."""
+        return float((self.heel - self.foot_frame)[0])
+
+    @property
+    def toe_x(self) -> float:
+        """Front end of the contact line in the foot's frame [m]."""
+        return float((self.toe - self.foot_frame)[0])
+
+
+def segments(model: newton.Model) -> Segments:
+    """The segments of one stander of `model`, of which all worlds are copies."""
+    # Only here, so that what is computed from the result needs no simulator.
+    from envs.body.joints import BODIES, JOINTS
+    from envs.body.model import geometry
+
+    plane = [0, 2]
+    mass, com = (np.asarray(a.numpy()[: len(BODIES)], dtype=np.float64) for a in (model.body_mass, model.body_com))
+    inertia = model.body_inertia.numpy()[: len(BODIES), 1, 1].astype(np.float64)
+    first = len(model.joint_label) // model.world_count - len(JOINTS)
+    joints = slice(first, first + len(JOINTS))
+    in_parent, in_child = (a.numpy()[joints, :3].astype(np.float64) for a in (model.joint_X_p, model.joint_X_c))
+    hat, leg, foot = (BODIES.index(name) for name in ("hat", "leg_left", "foot_left"))
+    hip, ankle = (JOINTS.index(name) for name in ("hip_left", "ankle_left"))
+    shape = geometry(model)
+    sole = [label.rsplit("/", 1)[-1] for label in model.shape_label].index("sole_left")
+    sole_z = float(model.shape_transform.numpy()[sole][2])
+    foot_frame = -in_child[ankle]
+    # Hip and ankle lie as far from the midplane as the frames they are seen from.
+    hip_y = float(in_parent[hip][1] - in_child[hip][1])
+    ankle_y = hip_y + float(in_parent[ankle][1] - in_child[ankle][1])
+    return Segments(
+        hat_mass=float(mass[hat]),
+        leg_mass=2 * float(mass[leg]),
+        foot_mass=2 * float(mass[foot]),
+        hat_inertia=float(inertia[hat]),
+        leg_inertia=2 * float(inertia[leg]),
+        foot_inertia=2 * float(inertia[foot]),
+        hat_com=(com[hat] - in_parent[hip])[plane],
+        hat_frame=-in_parent[hip][plane],
+        head=(np.asarray(shape.head, dtype=np.float64) - in_parent[hip])[plane],
+        leg_com=(com[leg] - in_parent[ankle])[plane],
+        leg_frame=-in_parent[ankle][plane],
+        hip=(in_child[hip] - in_parent[ankle])[plane],
+        foot_com=(com[foot] + foot_frame)[plane],
+        foot_frame=foot_frame[plane],
+        heel=np.array([shape.heel_x + foot_frame[0], sole_z + foot_frame[2]]),
+        toe=np.array([shape.toe_x + foot_frame[0], sole_z + foot_frame[2]]),
+        sole_radius=float(model.shape_scale.numpy()[sole][0]),
+        half_width=np.array([hip_y, ankle_y]),
+        gravity=-float(model.gravity.numpy()[-1][2]),
+    )

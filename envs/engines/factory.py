@@ -1,0 +1,19 @@
+"""The choice between the physics engines."""
+
+from envs.config import EnvConfig
+from envs.engines.interface import Simulation
+
+
+def simulate(config: EnvConfig, num_worlds: int, device: str) -> Simulation:
+    """The engine that `env.physics` names, with `num_worlds` standers at their start."""
+    if config.physics == "sagittal":
+        from envs.engines.sagittal import SagittalSimulation
+
+        return SagittalSimulation(config, num_worlds, device)
+    if config.physics == "mujoco_c":
+        from envs.engines.mujoco_c import MujocoCSimulation
+
+        return MujocoCSimulation(config, num_worlds, device)
+    from envs.engines.solver_mujoco import SpatialSimulation
+
+    return SpatialSimulation(config, num_worlds, device)

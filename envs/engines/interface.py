@@ -1,0 +1,102 @@
+"""What every physics engine offers to the task."""
+
+import math
+from typing import Protocol
+
+import torch
+
+from envs.body.model import Geometry
+from envs.config import EnvConfig
+
+
+class Simulation(Protocol):
+    """N worlds advanced by whole control steps under joint torques; reset, stiffness and load world by world.
+
+    Attributes (torch tensors on `device`, refreshed in place by every step; N worlds, joints in the order of
+    `envs.body.joints.JOINTS`):
+        joint_angle, joint_velocity: (N, 4) [rad], [rad/s].
+        joint_force: (N, 4) torque about each joint axis by actuator, spring and damper over the last substep [Nm].
+        body_pose: (N, 5, 7) frame of each body in `envs.body.joints.BODIES`: position [m], quaternion x y z w.
+        body_velocity: (N, 5, 6) linear velocity of the body's centre of mass [m/s], angular velocity [rad/s], both in the
+            world frame.
+        sole_force: (N, 2, 2, 3) force of the ground on left and right foot at heel and toe, world frame [N], as of the
+            last substep; zero after a reset, before the first step.
+        sole_position: (N, 2, 2, 3) where it acts, in the foot frame [m]; without meaning where there is no force.
+        hip_k, ankle_k, load: (N,) [Nm/rad per joint], [Nm/rad per joint], [kg].
+        geometry: `envs.body.model.Geometry` of the stander.
+    """
+
+    config: EnvConfig
+    num_worlds: int
+    device: torch.device
+    geometry: Geometry
+    joint_angle: torch.Tensor
+    joint_velocity: torch.Tensor
+    joint_force: torch.Tensor
+    body_pose: torch.Tensor
+    body_velocity: torch.Tensor
+    sole_force: torch.Tensor
+    sole_position: torch.Tensor
+    hip_k: torch.Tensor
+    ankle_k: torch.Tensor
+    load: torch.Tensor
+
+    @property
+    def diverged(self) -> torch.Tensor:
+        """(N,) bool, worlds whose last step did not come to finite values below `top_speed`; they need a reset.
+
+        All that is shown of such a world is what it was before that step, so it is finite.
+        """
+
+    def step(self, torque: torch.Tensor) -> None:
+        """Advance every world by one control step under constant actuator torques, shape (N, 4) [Nm]."""
+
+    def reset(self, mask: torch.Tensor) -> None:
+        """Stand the worlds of `mask` (N,) bool upright and at rest, as they were when the model was built.
+
+        Also clears what the solver carries from step to step, so that a world that had diverged is healed, and moves bit
+        for bit like a fresh one.
+        """
+
+    def set_subject(
+        self,
+        hip_k: torch.Tensor | None = None,
+        ankle_k: torch.Tensor | None = None,
+        load: torch.Tensor | None = None,
+    ) -> None:
+        """Give each world its own hip and ankle stiffness, (N,) [Nm/rad per joint], and added load, (N,) [kg].
+
+        The load is a point mass at the centre of mass of the HAT: it adds mass and no inertia about that centre.
+        """
+
+    def check_capacity(self) -> None:
+        """Raise `ConstraintOverflowError`, which names the size needed, if contacts or constraint rows were dropped in any
+        step so far."""
+
+    def state_dict(self) -> dict[str, torch.Tensor]:
+        """All that the next step depends on, warm start and sensor readings included, as copies."""
+
+    def load_state_dict(self, state: dict[str, torch.Tensor]) -> None:
+        """Put the worlds back exactly as `state_dict` found them."""
+
+
+class ConstraintOverflowError(RuntimeError):
+    """The solver dropped contacts or constraints: what it computed is not the physics that was asked for."""
+
+
+def top_speed(config: EnvConfig) -> float:
+    """The speed [m/s], [rad/s] of body or joint at which a world has diverged: half a turn in one physics step.
+
+    Beyond it the sense of a rotation can no longer be told from one step to the next, so the steps are no motion. The
+    same number bounds metres per second, at which a point one metre, about a segment's length, from the axis moves then.
+    """
+    return math.pi * config.solver.substeps / config.control_dt
+
+
+def check_subject(num_worlds: int, **values: torch.Tensor | None) -> None:
+    """Raise ValueError where a stiffness or load is not one finite number of at least 0 a world."""
+    for name, value in values.items():
+        if value is None:
+            continue
+        if value.shape != (num_worlds,) or not bool((value >= 0).all()) or not bool(value.isfinite().all()):
+            raise ValueError(f"{name}: expected {num_worlds} finite values of at least 0, one per world")

@@ -1,0 +1,232 @@
+"""N standers in MuJoCo's own C solver, in double precision, the full three-dimensional body: to evaluate policies in.
+
+It reads envs/body/humanoid.xml itself, without Newton in between. Worlds are stepped one after the other on the CPU, so
+this is
+for tens of them, not for training. Tensors are shown in single precision; the state is kept, and saved, in double.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import mujoco
+import numpy as np
+import torch
+
+from envs.body.joints import ANKLES, BODIES, FEET, HIPS, JOINTS
+from envs.body.model import MJCF, build_model, geometry
+from envs.config import EnvConfig
+from envs.engines.interface import ConstraintOverflowError, check_subject, top_speed
+
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+"""All that mj_step depends on, qacc_warmstart included."""
+_BAD = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{name}")) for name in ("QPOS", "QVEL", "QACC")]
+_FULL = [int(getattr(mujoco.mjtWarning, f"mjWARN_{name}FULL")) for name in ("CONTACT", "CNSTR")]
+
+
+def build(config: EnvConfig) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """envs/body/humanoid.xml with the physical parameters and the solver's limits of `config`."""
+    model = mujoco.MjModel.from_xml_path(str(MJCF))
+    model.opt.timestep = config.control_dt / config.solver.substeps
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
+    model.opt.iterations, model.opt.ls_iterations = config.solver.iterations, config.solver.ls_iterations
+    hinges = [model.joint(name).id for name in JOINTS]
+    model.jnt_stiffness[hinges] = [config.ankle_k if place in ANKLES else config.hip_k for place in range(len(JOINTS))]
+    dofs = model.jnt_dofadr[hinges]
+    model.dof_damping[dofs], model.dof_armature[dofs] = config.joint_damping, config.joint_armature
+    model.geom_friction[:, 0] = config.friction
+    model.body("hat").mass += config.load
+    data = mujoco.MjData(model)
+    mujoco.mj_setConst(model, data)  # the softness of contacts depends on mass and armature
+    return model, data
+
+
+class MujocoCSimulation:
+    """The `Simulation` of the full body in MuJoCo's C solver; every world has a model of its own."""
+
+    def __init__(self, config: EnvConfig, num_worlds: int, device: str) -> None:
+        if device != "cpu":
+            raise ValueError(f"device: env.physics=mujoco_c computes on cpu alone, not on '{device}'")
+        self.config = config
+        self.num_worlds = num_worlds
+        self.device = torch.device(device)
+        self.geometry = geometry(build_model(config, 1, device))
+        unloaded = config.model_copy(update={"load": 0.0})
+        made = [build(unloaded) for _ in range(num_worlds)]
+        self._models, self._data = [model for model, _ in made], [data for _, data in made]
+        self._top_speed = top_speed(config)
+        self._find_places()
+        self._allocate()
+        self.set_subject(
+            hip_k=torch.full((num_worlds,), config.hip_k),
+            ankle_k=torch.full((num_worlds,), config.ankle_k),
+            load=torch.full((num_worlds,), config.load),
+        )
+        self.reset(torch.ones(num_worlds, dtype=torch.bool))
+
+    # -- what happens to it ------------------------------------------------------------------------------------------
+
+    def step(self, torque: torch.Tensor) -> None:
+        """See `Simulation`."""
+        torques = torque.detach().double().numpy()
+        before = np.zeros(self._state_size)
+        with _silent():
+            for world, (model, data) in enumerate(zip(self._models, self._data, strict=True)):
+                mujoco.mj_getState(model, data, before, _STATE)
+                data.qfrc_applied[self._dofs] = torques[world]
+                mujoco.mj_step(model, data, self.config.solver.substeps)
+                warned = data.warning.number
+                self._dropped[world] |= bool(warned[_FULL].any())
+                # MuJoCo itself calls only what is not finite, or above 1e10, bad.
+                self._diverged[world] = bool(warned[_BAD].any() or not np.abs(data.qvel).max() < self._top_speed)
+                if self._diverged[world]:
+                    # MuJoCo may have stood the world upright again as if nothing had been: take it back to before the step.
+                    mujoco.mj_resetData(model, data)
+                    mujoco.mj_setState(model, data, before, _STATE)
+                    continue
+                self._read_sensors(world)
+                self._place(world)
+        self._show_velocities()
+
+    def reset(self, mask: torch.Tensor) -> None:
+        """See `Simulation`."""
+        for world in mask.nonzero().flatten().tolist():
+            mujoco.mj_resetData(self._models[world], self._data[world])
+            self._place(world)
+        for sensor in (self.sole_force, self.sole_position, self.joint_force):
+            sensor[mask] = 0.0
+        self._diverged[mask] = False
+        self._show_velocities()
+
+    def set_subject(
+        self,
+        hip_k: torch.Tensor | None = None,
+        ankle_k: torch.Tensor | None = None,
+        load: torch.Tensor | None = None,
+    ) -> None:
+        """See `Simulation`."""
+        check_subject(self.num_worlds, hip_k=hip_k, ankle_k=ankle_k, load=load)
+        for name, value in (("hip_k", hip_k), ("ankle_k", ankle_k), ("load", load)):
+            if value is not None:
+                getattr(self, name).copy_(value)
+        for world, model in enumerate(self._models):
+            model.jnt_stiffness[self._hinges[list(HIPS)]] = float(self.hip_k[world])
+            model.jnt_stiffness[self._hinges[list(ANKLES)]] = float(self.ankle_k[world])
+            if load is not None:
+                model.body_mass[self._bodies[BODIES.index("hat")]] = self._nominal_mass + float(self.load[world])
+                mujoco.mj_setConst(model, self._scratch)  # the softness of contacts depends on mass
+
+    # -- what can be read --------------------------------------------------------------------------------------------
+
+    @property
+    def diverged(self) -> torch.Tensor:
+        """See `Simulation`. Such a world is left as it was before the step."""
+        return self._diverged
+
+    def check_capacity(self) -> None:
+        """See `Simulation`."""
+        if bool(self._dropped.any()):
+            raise ConstraintOverflowError(f"MuJoCo had no memory for all contacts in {int(self._dropped.sum())} worlds")
+
+    def state_dict(self) -> dict[str, torch.Tensor]:
+        """See `Simulation`."""
+        state = np.zeros((self.num_worlds, self._state_size))
+        for model, data, row in zip(self._models, self._data, state, strict=True):
+            mujoco.mj_getState(model, data, row, _STATE)
+        return {"mujoco": torch.from_numpy(state), **{name: tensor.clone() for name, tensor in self._shown().items()}}
+
+    def load_state_dict(self, state: dict[str, torch.Tensor]) -> None:
+        """See `Simulation`."""
+        self.set_subject(**{name: state[name] for name in ("hip_k", "ankle_k", "load")})
+        for name, tensor in self._shown().items():
+            tensor.copy_(state[name])
+        for world, row in enumerate(state["mujoco"].cpu().numpy()):
+            mujoco.mj_resetData(self._models[world], self._data[world])  # its warnings are of another time
+            mujoco.mj_setState(self._models[world], self._data[world], row, _STATE)
+            self._place(world)
+        self._show_velocities()
+
+    # -- inside ------------------------------------------------------------------------------------------------------
+
+    def _find_places(self) -> None:
+        """Where in MuJoCo's arrays joints, bodies and soles are; the same in every world."""
+        model = self._models[0]
+        self._hinges = np.array([model.joint(name).id for name in JOINTS])
+        self._angles, self._dofs = model.jnt_qposadr[self._hinges], model.jnt_dofadr[self._hinges]
+        self._bodies = np.array([model.body(name).id for name in BODIES])
+        self._sole_foot = {model.geom(foot.replace("foot", "sole")).id: place for place, foot in enumerate(FEET)}
+        self._foot_bodies = [model.body(foot).id for foot in FEET]
+        self._mid_x = 0.5 * (self.geometry.heel_x + self.geometry.toe_x)
+        self._nominal_mass = float(model.body("hat").mass[0])
+        self._scratch = mujoco.MjData(model)
+        self._state_size = mujoco.mj_stateSize(model, _STATE)
+
+    def _allocate(self) -> None:
+        n = self.num_worlds
+        self.joint_angle, self.joint_velocity, self.joint_force = (torch.zeros(n, len(JOINTS)) for _ in range(3))
+        self.body_pose, self.body_velocity = torch.zeros(n, len(BODIES), 7), torch.zeros(n, len(BODIES), 6)
+        self.sole_force, self.sole_position = torch.zeros(n, len(FEET), 2, 3), torch.zeros(n, len(FEET), 2, 3)
+        self.hip_k, self.ankle_k, self.load = torch.zeros(n), torch.zeros(n), torch.zeros(n)
+        self._diverged, self._dropped = torch.zeros(n, dtype=torch.bool), torch.zeros(n, dtype=torch.bool)
+        self._spatial_velocity, self._lever = np.zeros((n, len(BODIES), 6)), np.zeros((n, len(BODIES), 3))
+
+    def _read_sensors(self, world: int) -> None:
+        """What acted in the last substep; before `_place`, since places are still those of that substep's start."""
+        model, data = self._models[world], self._data[world]
+        self.joint_force.numpy()[world] = (data.qfrc_passive + data.qfrc_applied)[self._dofs]
+        force, position = self.sole_force.numpy()[world], self.sole_position.numpy()[world]
+        force[:], position[:] = 0.0, 0.0
+        wrench = np.zeros(6)
+        contact = data.contact
+        for i, (geoms, place, frame) in enumerate(zip(contact.geom, contact.pos, contact.frame, strict=True)):
+            mujoco.mj_contactForce(model, data, i, wrench)
+            # MuJoCo's force acts on the second geom; the ground is the first, since planes come first by type.
+            foot = self._sole_foot[int(geoms[1])]
+            body = self._foot_bodies[foot]
+            local = (place - data.xpos[body]) @ data.xmat[body].reshape(3, 3)
+            end = int(local[0] > self._mid_x)
+            force[foot, end] = wrench[:3] @ frame.reshape(3, 3)
+            position[foot, end] = local
+
+    def _place(self, world: int) -> None:
+        """Show joints and bodies as the coordinates have them: mj_step leaves those of before its last substep."""
+        model, data = self._models[world], self._data[world]
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_comVel(model, data)
+        self.joint_angle.numpy()[world] = data.qpos[self._angles]
+        self.joint_velocity.numpy()[world] = data.qvel[self._dofs]
+        pose = self.body_pose.numpy()[world]
+        pose[:, :3] = data.xpos[self._bodies]
+        pose[:, 3:] = np.roll(data.xquat[self._bodies], -1, axis=1)  # MuJoCo's is w x y z
+        self._spatial_velocity[world] = data.cvel[self._bodies]
+        # MuJoCo's velocities are at the centre of mass of the whole body.
+        self._lever[world] = data.xipos[self._bodies] - data.subtree_com[self._bodies[0]]
+
+    def _show_velocities(self) -> None:
+        turning, moving = self._spatial_velocity[..., :3], self._spatial_velocity[..., 3:]
+        shown = self.body_velocity.numpy()
+        shown[..., :3] = moving + np.cross(turning, self._lever)
+        shown[..., 3:] = turning
+
+    def _shown(self) -> dict[str, torch.Tensor]:
+        return {
+            "joint_force": self.joint_force,
+            "sole_force": self.sole_force,
+            "sole_position": self.sole_position,
+            "diverged": self._diverged,
+            "hip_k": self.hip_k,
+            "ankle_k": self.ankle_k,
+            "load": self.load,
+        }
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Keep MuJoCo from writing its warnings to the terminal and to a file in the working directory: `diverged` tells."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)

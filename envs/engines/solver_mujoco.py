@@ -1,0 +1,328 @@
+"""N standers in Newton's SolverMuJoCo (MuJoCo Warp), the full three-dimensional body: the reference.
+
+The state is Newton's own memory, seen through named torch views without a copy: what is written to a view is what the
+solver steps from.
+"""
+
+import math
+from typing import Any
+
+import mujoco_warp
+import newton
+import torch
+import warp as wp
+from mujoco_warp import OverflowType
+from newton.solvers import SolverMuJoCo
+
+from envs.body.joints import BODIES, FEET, JOINTS
+from envs.body.model import build_model, geometry
+from envs.config import EnvConfig
+from envs.engines.interface import ConstraintOverflowError, check_subject, top_speed
+
+_ROOT_Q, _ROOT_QD = 7, 6
+"""Coordinates and velocities of the free root joint ahead of the hinges."""
+_DROPPED = int(OverflowType.NEFC | OverflowType.NJMAX_NNZ | OverflowType.BROADPHASE | OverflowType.NARROWPHASE)
+"""Of MuJoCo Warp's flags those that mean a lost contact or constraint; the others report an iteration limit."""
+
+
+@wp.kernel
+def _note_dropped(
+    overflow: wp.array[wp.int32],
+    mask: int,
+    num_rows: wp.array[wp.int32],
+    num_pairs: wp.array[wp.int32],
+    num_contacts: wp.array[wp.int32],
+    dropped: wp.array[wp.int32],
+    most_rows: wp.array[wp.int32],
+    most_contacts: wp.array[wp.int32],
+) -> None:
+    """Remember what a substep had to drop, and the most it asked for; the solver itself forgets it at the next.
+
+    MuJoCo Warp counts on where it stores no more. Contacts, and the pairs of geoms before them, are those of all worlds.
+    """
+    world = wp.tid()
+    dropped[world] = dropped[world] | (overflow[world] & mask)
+    most_rows[world] = wp.max(most_rows[world], num_rows[world])
+    most_contacts[world] = wp.max(most_contacts[world], wp.max(num_pairs[0], num_contacts[0]))
+
+
+@wp.kernel
+def _add_torques(passive: wp.array2d[float], actuator: wp.array2d[float], first: int, total: wp.array2d[float]) -> None:
+    """Torque of actuator, spring and damper about each joint axis."""
+    world, joint = wp.tid()
+    total[world, joint] = passive[world, first + joint] + actuator[world, first + joint]
+
+
+@wp.kernel
+def _sort_sole_forces(
+    num_contacts: wp.array[wp.int32],
+    contact_world: wp.array[wp.int32],
+    contact_geom: wp.array[wp.vec2i],
+    contact_position: wp.array[wp.vec3],
+    wrench: wp.array[wp.spatial_vector],
+    geom_foot: wp.array[wp.int32],
+    foot_body: wp.array[wp.int32],
+    body_place: wp.array2d[wp.vec3],
+    body_turn: wp.array2d[wp.mat33],
+    mid_x: float,
+    force: wp.array3d[wp.vec3],
+    position: wp.array3d[wp.vec3],
+) -> None:
+    """Ground-on-sole force of each contact into its place (world, foot, heel or toe); a place holds one contact at most."""
+    i = wp.tid()
+    if i >= num_contacts[0]:
+        return
+    world = contact_world[i]
+    # MuJoCo's force acts on the second geom; the ground is the first, since planes come first by type.
+    foot = geom_foot[contact_geom[i][1]]
+    body = foot_body[foot]
+    # Contacts are those of the pose at the start of the substep, which MuJoCo keeps.
+    local = wp.transpose(body_turn[world, body]) * (contact_position[i] - body_place[world, body])
+    end = wp.where(local[0] > mid_x, 1, 0)
+    force[world, foot, end] = wp.spatial_top(wrench[i])
+    position[world, foot, end] = local
+
+
+class SpatialSimulation:
+    """The `Simulation` of the full body. Its tensors are views of the state: what is written there is stepped from."""
+
+    def __init__(self, config: EnvConfig, num_worlds: int, device: str) -> None:
+        self.config = config
+        self.num_worlds = num_worlds
+        self.device = torch.device(device)
+        self.model = build_model(config, num_worlds, device)
+        self.geometry = geometry(self.model)
+        self._solver = SolverMuJoCo(
+            self.model,
+            integrator="euler",
+            cone="pyramidal",
+            iterations=config.solver.iterations,
+            ls_iterations=config.solver.ls_iterations,
+            njmax=config.solver.constraint_rows,
+            nconmax=config.solver.contacts,
+            # A weld to hold the root still is never wanted here, and would cost six rows of every solve.
+            kinematic_switchable_roots=False,
+        )
+        # Dropped contacts are raised by `check_capacity`; lines printed from inside the solver would only repeat it.
+        self._solver.mjw_model.opt.warn_overflow = 0
+        self._state = self.model.state()
+        self._control = self.model.control()
+        self._data = self._solver.mjw_data
+        newton.eval_fk(self.model, self._state.joint_q, self._state.joint_qd, self._state)
+        self._make_views()
+        self._make_sole_sensor()
+        places = (self._joint_q, self._joint_qd, self.body_pose, self.body_velocity)
+        self._shown = (*places, self.joint_force, self.sole_force, self.sole_position)
+        self._top_speed = top_speed(config)
+        self._nominal_mass = self._per_world(self.model.body_mass).clone()
+        self.hip_k = torch.full((num_worlds,), config.hip_k, device=self.device)
+        self.ankle_k = torch.full((num_worlds,), config.ankle_k, device=self.device)
+        self.load = torch.zeros(num_worlds, device=self.device)
+        if config.load:
+            self.set_subject(load=torch.full((num_worlds,), config.load))
+        self._graph: Any = None
+
+    # -- what happens to it ------------------------------------------------------------------------------------------
+
+    def step(self, torque: torch.Tensor) -> None:
+        """See `Simulation`."""
+        before = [shown.clone() for shown in self._shown]
+        self._launch(torque)
+        speed, place = self._joint_qd, self._joint_q
+        self._diverged.copy_(~((speed.abs() < self._top_speed).all(-1) & place.isfinite().all(-1)))
+        for shown, kept in zip(self._shown, before, strict=True):
+            shown.copy_(torch.where(self._diverged.view(-1, *[1] * (shown.dim() - 1)), kept, shown))
+
+    def _launch(self, torque: torch.Tensor) -> None:
+        """The control step itself, on a GPU as a graph that the first call captures."""
+        self._actuator_torque.copy_(torque)
+        if self.device.type == "cpu":
+            self._advance()
+            return
+        stream = wp.stream_from_torch(torch.cuda.current_stream(self.device))
+        if self._graph is None:
+            # The first step compiles and allocates, which cannot be captured; the state is kept so that it counts once.
+            before = self.state_dict()
+            with wp.ScopedStream(stream):
+                self._advance()
+            self.load_state_dict(before)
+            self._actuator_torque.copy_(torque)
+            with wp.ScopedCapture(device=str(self.device)) as capture:
+                self._advance()
+            self._graph = capture.graph
+        wp.capture_launch(self._graph, stream=stream)
+
+    def reset(self, mask: torch.Tensor) -> None:
+        """See `Simulation`."""
+        self._reset_mask[:-1].copy_(mask)
+        self._solver.reset(self._state, self._reset_mask_wp)
+        newton.eval_fk(self.model, self._state.joint_q, self._state.joint_qd, self._state, mask=self._reset_articulations)
+        for sensor in (self.sole_force, self.sole_position, self.joint_force):
+            sensor[mask] = 0.0
+        self._diverged[mask] = False
+
+    def set_subject(
+        self,
+        hip_k: torch.Tensor | None = None,
+        ankle_k: torch.Tensor | None = None,
+        load: torch.Tensor | None = None,
+    ) -> None:
+        """See `Simulation`."""
+        check_subject(self.num_worlds, hip_k=hip_k, ankle_k=ankle_k, load=load)
+        for name, value in (("hip_k", hip_k), ("ankle_k", ankle_k), ("load", load)):
+            if value is not None:
+                getattr(self, name).copy_(value)
+        if hip_k is not None or ankle_k is not None:
+            stiffness = self._per_world(self.model.joint_stiffness)[:, _ROOT_QD:]
+            stiffness[:, 0::2] = self.hip_k[:, None]
+            stiffness[:, 1::2] = self.ankle_k[:, None]
+            self._solver.notify_model_changed(newton.ModelFlags.JOINT_DOF_FORCE_PROPERTIES)
+        if load is not None:
+            hat = BODIES.index("hat")
+            mass = self._per_world(self.model.body_mass)
+            mass[:, hat] = self._nominal_mass[:, hat] + self.load
+            self._per_world(self.model.body_inv_mass)[:, hat] = 1.0 / mass[:, hat]
+            self._solver.notify_model_changed(newton.ModelFlags.BODY_INERTIAL_PROPERTIES)
+
+    # -- what can be read --------------------------------------------------------------------------------------------
+
+    @property
+    def diverged(self) -> torch.Tensor:
+        """See `Simulation`. What the solver carries inside may be NaN: only a reset heals such a world."""
+        return self._diverged
+
+    def check_capacity(self) -> None:
+        """See `Simulation`."""
+        if not bool(self._dropped.any()):
+            return
+        # What the solver has room for; it makes room for the start pose whatever was asked.
+        most = {
+            "constraint_rows": (self._data.njmax, int(self._most_rows.max())),
+            "contacts": (
+                self._data.naconmax // self.num_worlds,
+                math.ceil(int(self._most_contacts.max()) / self.num_worlds),
+            ),
+        }
+        short = [f"env.solver.{key} = {has}, needed at least {need}" for key, (has, need) in most.items() if need > has]
+        count = int((self._dropped != 0).sum())
+        raise ConstraintOverflowError(f"contacts or constraints were dropped in {count} worlds: {'; '.join(short)}")
+
+    def state_dict(self) -> dict[str, torch.Tensor]:
+        """See `Simulation`."""
+        return {name: tensor.clone() for name, tensor in self._persistent().items()}
+
+    def load_state_dict(self, state: dict[str, torch.Tensor]) -> None:
+        """See `Simulation`."""
+        subject = {name: state[name] for name in ("hip_k", "ankle_k", "load")}
+        self.set_subject(**subject)
+        for name, tensor in self._persistent().items():
+            if name not in subject:
+                tensor.copy_(state[name])
+        newton.eval_fk(self.model, self._state.joint_q, self._state.joint_qd, self._state)
+        # The step that a world diverged in left its mark in what the solver would start from.
+        self._diverged.copy_(~self._warmstart.isfinite().all(-1))
+
+    # -- inside ------------------------------------------------------------------------------------------------------
+
+    def _advance(self) -> None:
+        dt = self.config.control_dt / self.config.solver.substeps
+        # Some of MuJoCo Warp's functions launch on the default device, which need not be the model's.
+        with wp.ScopedDevice(self.model.device):
+            for _ in range(self.config.solver.substeps):
+                self._solver.step(self._state, self._state, self._control, None, dt)
+                wp.launch(
+                    _note_dropped,
+                    dim=self.num_worlds,
+                    inputs=[self._data.overflow, _DROPPED, self._data.nefc, self._data.ncollision, self._data.nacon],
+                    outputs=[self._dropped_wp, self._most_rows_wp, self._most_contacts_wp],
+                )
+            self._read_sensors()
+
+    def _read_sensors(self) -> None:
+        self._sole_force_wp.zero_()
+        self._sole_position_wp.zero_()
+        mujoco_warp.contact_force(self._solver.mjw_model, self._data, self._contact_ids, True, self._contact_wrench)
+        wp.launch(
+            _sort_sole_forces,
+            dim=self._data.naconmax,
+            inputs=[
+                self._data.nacon,
+                self._data.contact.worldid,
+                self._data.contact.geom,
+                self._data.contact.pos,
+                self._contact_wrench,
+                self._geom_foot,
+                self._foot_body,
+                self._data.xpos,
+                self._data.xmat,
+                self._mid_x,
+            ],
+            outputs=[self._sole_force_wp, self._sole_position_wp],
+            device=self.model.device,
+        )
+        wp.launch(
+            _add_torques,
+            dim=(self.num_worlds, len(JOINTS)),
+            inputs=[self._data.qfrc_passive, self._joint_f, _ROOT_QD],
+            outputs=[self._joint_force_wp],
+            device=self.model.device,
+        )
+
+    def _per_world(self, array: wp.array) -> torch.Tensor:
+        tensor = wp.to_torch(array)
+        return tensor.view(self.num_worlds, -1, *tensor.shape[1:])
+
+    def _make_views(self) -> None:
+        q = self._per_world(self._state.joint_q)
+        qd = self._per_world(self._state.joint_qd)
+        self._joint_q, self._joint_qd = q, qd
+        self.joint_angle, self.joint_velocity = q[:, _ROOT_Q:], qd[:, _ROOT_QD:]
+        self.body_pose = self._per_world(self._state.body_q)
+        self.body_velocity = self._per_world(self._state.body_qd)
+        self._joint_f = self._control.joint_f.reshape((self.num_worlds, _ROOT_QD + len(JOINTS)))
+        self._actuator_torque = wp.to_torch(self._joint_f)[:, _ROOT_QD:]
+        self._warmstart = wp.to_torch(self._data.qacc_warmstart)
+        self._dropped_wp = wp.zeros(self.num_worlds, dtype=wp.int32, device=self.model.device)
+        self._dropped = wp.to_torch(self._dropped_wp)
+        self._most_rows_wp, self._most_contacts_wp = wp.zeros_like(self._dropped_wp), wp.zeros_like(self._dropped_wp)
+        self._most_rows, self._most_contacts = wp.to_torch(self._most_rows_wp), wp.to_torch(self._most_contacts_wp)
+        self._diverged = torch.zeros(self.num_worlds, dtype=torch.bool, device=self.device)
+        self._joint_force_wp = wp.zeros((self.num_worlds, len(JOINTS)), dtype=float, device=self.model.device)
+        self.joint_force = wp.to_torch(self._joint_force_wp)
+        # Newton's mask has one place more than there are worlds, for what belongs to none.
+        self._reset_mask = torch.zeros(self.num_worlds + 1, dtype=torch.bool, device=self.device)
+        self._reset_mask_wp = wp.from_torch(self._reset_mask, dtype=wp.bool)
+        self._reset_articulations = self._reset_mask_wp[: self.num_worlds]
+
+    def _make_sole_sensor(self) -> None:
+        device = self.model.device
+        shape = (self.num_worlds, len(FEET), 2)
+        self._sole_force_wp = wp.zeros(shape, dtype=wp.vec3, device=device)
+        self._sole_position_wp = wp.zeros(shape, dtype=wp.vec3, device=device)
+        self.sole_force = wp.to_torch(self._sole_force_wp)
+        self.sole_position = wp.to_torch(self._sole_position_wp)
+        self._contact_wrench = wp.zeros(self._data.naconmax, dtype=wp.spatial_vector, device=device)
+        self._contact_ids = wp.array(range(self._data.naconmax), dtype=wp.int32, device=device)
+        geom_foot = []
+        labels = self.model.shape_label
+        for shape_index in self._solver.mjc_geom_to_newton_shape.numpy()[0]:
+            name = labels[shape_index].rsplit("/", 1)[-1]
+            foot = name.replace("sole", "foot")
+            geom_foot.append(FEET.index(foot) if name.startswith("sole") else -1)
+        self._geom_foot = wp.array(geom_foot, dtype=wp.int32, device=device)
+        # MuJoCo counts the world as its first body.
+        self._foot_body = wp.array([1 + BODIES.index(foot) for foot in FEET], dtype=wp.int32, device=device)
+        self._mid_x = 0.5 * (self.geometry.heel_x + self.geometry.toe_x)
+
+    def _persistent(self) -> dict[str, torch.Tensor]:
+        return {
+            "joint_q": self._joint_q,
+            "joint_qd": self._joint_qd,
+            "warmstart": self._warmstart,
+            "joint_force": self.joint_force,
+            "sole_force": self.sole_force,
+            "sole_position": self.sole_position,
+            "hip_k": self.hip_k,
+            "ankle_k": self.ankle_k,
+            "load": self.load,
+        }

@@ -1,0 +1,299 @@
+"""Coordination, tracking, effort and balance indices of a trial: pure functions, arrays in, numbers out.
+
+Signs: hip flexion is negative and the ankle is negative when the body leans forward, so a positive
+hip-ankle correlation is in-phase (the trunk flexes as the body leans forward). Clinical signs would flip it.
+
+The paper's own indices (correlations, head speed, energy) use the whole trial, as the paper does. All others
+leave out the first `transient_s` seconds. An index that cannot be computed is nan.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from posture.analysis.trajectory import ANKLE, HIP, Array, Trajectory
+from posture.storage.atomic import replacing
+
+Row = dict[str, Any]
+
+COP_PERCENTILES = (5, 25, 50, 75, 95)
+
+
+@dataclass(frozen=True)
+class Indices:
+    """The measured columns of one world, nan where undefined; "whole" marks those over the whole trial."""
+
+    cycles: float = math.nan  # number of whole target cycles after the transient
+    hip_ankle_r: float = math.nan  # Pearson, whole; positive in-phase. Paper Fig. 10
+    relative_phase_paper_rad: float = math.nan  # 0 .. pi/2, by the maxima. Paper, relative phase
+    relative_phase_deg: float = math.nan  # 0 .. 180, the same as usually counted
+    phase_mean_deg: float = math.nan  # -180 .. 180, hip - ankle, circular mean. Field practice
+    phase_sd_deg: float = math.nan  # its circular standard deviation over cycles. Field practice
+    target_head_r: float = math.nan  # Pearson, whole. Paper Table 3
+    head_amplitude_m: float = math.nan  # half the peak-to-peak, mean over cycles. Paper Table 3
+    head_speed_mps: float = math.nan  # mean absolute head velocity, whole. Paper Table 3
+    tracking_error_mean_mm: float = math.nan  # mean |head - target|
+    tracking_error_rms_mm: float = math.nan
+    beyond_tolerance_share: float = math.nan  # of time, 0 .. 1
+    energy_j: float = math.nan  # whole. Paper Eq. 9
+    cost: float = math.nan  # mean sum of squared normalised torques. Paper Eq. 10, normalised
+    hip_range_deg: float = math.nan  # peak-to-peak of the mean of left and right, as the three below
+    ankle_range_deg: float = math.nan
+    hip_torque_range_nm: float = math.nan
+    ankle_torque_range_nm: float = math.nan
+    cop_p05_m: float = math.nan  # percentiles of the centre of pressure in the foot frame, forward positive,
+    cop_p25_m: float = math.nan  # over the time in which a foot carries load
+    cop_p50_m: float = math.nan
+    cop_p75_m: float = math.nan
+    cop_p95_m: float = math.nan
+    foot_not_flat_share: float = math.nan  # of time, 0 .. 1, with a heel or a toe off the ground
+    foot_displacement_max_m: float = math.nan  # whole
+
+
+def correlation(a: Array, b: Array) -> float:
+    """Pearson correlation [-] of two signals (T,); nan where one is constant. Source: paper Table 3."""
+    if np.ptp(a) == 0 or np.ptp(b) == 0:
+        return math.nan
+    a, b = ((signal - signal.mean()) / np.ptp(signal) for signal in (a, b))
+    return float(a @ b / math.sqrt((a @ a) * (b @ b)))
+
+
+def mode(hip_ankle_r: float) -> str:
+    """Postural mode by the sign of the hip-ankle correlation; "undefined" for nan and 0. Source: paper."""
+    if hip_ankle_r > 0:
+        return "in-phase"
+    return "anti-phase" if hip_ankle_r < 0 else "undefined"
+
+
+def cycles(time: Array, freq: float, transient_s: float) -> list[slice]:
+    """Sample ranges of the whole target cycles after the transient; a rest shorter than a cycle is dropped.
+
+    `time` (T,) evenly spaced [s]; `freq` [Hz]. They start at `transient_s`, not at a cycle of the target, so
+    that a slow target keeps as many as fit. Edges go to the nearest sample. Empty where `freq` is nan (ramp).
+    """
+    if not freq > 0:
+        return []
+    dt = (time[-1] - time[0]) / (len(time) - 1)
+    start = max(transient_s, float(time[0]))
+    # Each sample stands for one step; half a step of slack keeps a last cycle that ends on the trial's end.
+    count = math.floor((time[-1] + 1.5 * dt - start) * freq)
+    edges = np.searchsorted(time, start + np.arange(count + 1) / freq - dt / 2)
+    return [slice(int(i), int(j)) for i, j in pairwise(edges)]
+
+
+def relative_phase_paper(hip: Array, ankle: Array, time: Array, freq: float, parts: list[slice]) -> float:
+    """Relative phase of the paper, |t0 - t1| f pi [rad], 0 (in-phase) .. pi/2 (anti-phase), mean over cycles.
+
+    t0 and t1 are the times of the ankle's and the hip's maximum in one cycle (`parts`, from `cycles`). It is
+    half the usual phase difference. The paper does not say what happens when the two maxima straddle an edge
+    of the cycle; here their distance goes the shorter way round, so it never exceeds half a period. Its
+    resolution is one sample. Signals (T,), freq [Hz]; nan without a cycle. Source: paper, relative phase.
+    """
+    if not parts:
+        return math.nan
+    half = 0.5 / freq
+    apart = [time[p][np.argmax(ankle[p])] - time[p][np.argmax(hip[p])] for p in parts]
+    return float(np.mean([abs((d + half) % (2 * half) - half) for d in apart])) * freq * math.pi
+
+
+def cycle_components(signal: Array, time: Array, freq: float, parts: list[slice]) -> NDArray[np.complex128]:
+    """Complex amplitude c of each cycle: signal = offset + Re(c exp(2 pi i f t)). Shape (cycles,).
+
+    Signal (T,) in any unit, which c shares; time (T,) [s], freq [Hz]. Fitted by least squares: the Fourier
+    component at f, but exact also where a cycle is not a whole number of samples. Source: field practice.
+    """
+    angle = 2 * math.pi * freq * time
+    basis = np.stack([np.ones_like(time), np.cos(angle), np.sin(angle)], axis=1)
+    fits = [np.linalg.lstsq(basis[p], signal[p], rcond=None)[0] for p in parts]
+    return np.array([complex(cos, -sin) for _, cos, sin in fits], dtype=np.complex128)
+
+
+def cycle_phases(hip: Array, ankle: Array, time: Array, freq: float, parts: list[slice], still: float) -> Array:
+    """Phase difference hip - ankle of each cycle [deg] in -180 .. 180, positive where the hip leads.
+
+    Shape (cycles,). nan in a cycle where the component at f of either joint has a peak-to-peak below `still`
+    (unit of the angles): the phase of a joint that hardly moves is noise. Source: field practice.
+    """
+    a, b = (cycle_components(signal, time, freq, parts) for signal in (hip, ankle))
+    moving = np.minimum(abs(a), abs(b)) * 2 >= still
+    return np.where(moving, np.degrees(np.angle(a * b.conj())), math.nan)
+
+
+def circular_mean_sd(angles_deg: Array) -> tuple[float, float]:
+    """Circular mean in -180 .. 180 and circular standard deviation sqrt(-2 ln R) [deg] of angles (N,) [deg].
+
+    nan entries are left out; the mean of none and the deviation of fewer than two are nan. Source: field
+    practice (Mardia and Jupp, Directional Statistics).
+    """
+    unit = np.exp(1j * np.radians(angles_deg[np.isfinite(angles_deg)]))
+    if not len(unit):
+        return math.nan, math.nan
+    resultant = unit.mean()
+    mean = math.degrees(np.angle(resultant))
+    length = min(abs(resultant), 1.0)  # rounding may put it just above 1
+    sd = math.degrees(math.sqrt(-2 * math.log(length))) if length > 0 else math.inf
+    return mean, sd if len(unit) > 1 else math.nan
+
+
+def cycle_amplitude(signal: Array, parts: list[slice]) -> float:
+    """Half the peak-to-peak value of each cycle, mean over cycles; nan without a cycle.
+
+    Signal (T,) in any unit, which the result shares. Taken cycle by cycle, so that one stray excursion or a
+    slow drift weighs on one cycle and not on the whole trial. Source: paper Table 3, whose amplitude is half
+    the peak-to-peak value.
+    """
+    return float(np.mean([np.ptp(signal[p]) for p in parts])) / 2 if parts else math.nan
+
+
+def energy(joint_torque: Array, joint_velocity: Array, dt: float) -> float:
+    """Energy cost [J]: sum over joints and time of |tau omega| dt. Source: paper Eq. 9.
+
+    Actuator torque [Nm] and joint velocity [rad/s], both (T, J); dt [s]. Power given back counts as spent.
+    """
+    return float(np.abs(joint_torque * joint_velocity).sum() * dt)
+
+
+def torque_cost(joint_torque: Array, torque_limit: float) -> float:
+    """Cost [-]: mean over time of the sum over joints of (tau / limit)^2. Source: paper Eq. 10, normalised.
+
+    Actuator torque (T, J) and its limit [Nm].
+    """
+    return float(np.mean(np.sum((joint_torque / torque_limit) ** 2, axis=1)))
+
+
+def cop_percentiles(cop_x: Array) -> Array:
+    """COP_PERCENTILES of the centre of pressure (T,) [m], forward positive; nan (no load) left out."""
+    loaded = cop_x[np.isfinite(cop_x)]
+    return np.percentile(loaded, COP_PERCENTILES) if len(loaded) else np.full(len(COP_PERCENTILES), math.nan)
+
+
+def transition_frequency(freq: ArrayLike, correlation: ArrayLike) -> float | None:
+    """Frequency [Hz] of the first sign change of the correlation along rising frequency; None without one.
+
+    Arrays (N,) in any order; linear between neighbours. A nan (a fall, an undefined mode) is left out, which
+    widens the bracket it falls in. A change in either direction counts. Source: paper Fig. 10.
+    """
+    f, r = np.asarray(freq, dtype=np.float64), np.asarray(correlation, dtype=np.float64)
+    if f.shape != r.shape or f.ndim != 1:
+        raise ValueError(f"freq has shape {f.shape}, correlation {r.shape}: both must be (N,)")
+    known = np.isfinite(f) & np.isfinite(r)
+    order = np.argsort(f[known], kind="stable")
+    f, r = f[known][order], r[known][order]
+    for i, j in pairwise(np.flatnonzero(r)):
+        if (r[i] > 0) != (r[j] > 0):
+            return float(f[i + 1] if j > i + 1 else f[i] - r[i] * (f[j] - f[i]) / (r[j] - r[i]))
+    return None
+
+
+def indices(trajectory: Trajectory, *, transient_s: float, tolerance_m: float, still_joint_deg: float) -> list[Row]:
+    """One flat row a world: conditions, `valid`, `fell`, `fall_time_s`, `mode`, and the columns of `Indices`.
+
+    `transient_s` [s] is left out at the start (see the module's head for which indices). `tolerance_m` [m] is
+    the head-target distance beyond which tracking counts as lost. A joint whose peak-to-peak angle after the
+    transient is below `still_joint_deg` [deg] hardly moves: its coordination is undefined.
+
+    A world that fell, or whose signals are not finite, has `valid` false and every index nan, so that it is
+    never averaged in. Raises ValueError where the transient leaves nothing of the trial.
+    """
+    if np.count_nonzero(trajectory.time >= transient_s) < 2:
+        end = trajectory.time[-1]
+        raise ValueError(f"transient_s is {transient_s:g} s, but the trial ends at {end:g} s")
+    rows = []
+    for w, fall_step in enumerate(trajectory.fall_step):
+        fell = bool(fall_step >= 0)
+        valid = not fell and _finite(trajectory, w)
+        measured = _measure(trajectory, w, transient_s, tolerance_m, still_joint_deg) if valid else Indices()
+        rows.append(
+            {
+                "freq_hz": float(trajectory.freq[w]),
+                "hip_k_nm_per_rad": float(trajectory.hip_k[w]),
+                "ankle_k_nm_per_rad": float(trajectory.ankle_k[w]),
+                "load_kg": float(trajectory.load[w]),
+                "valid": valid,
+                "fell": fell,
+                "fall_time_s": float(trajectory.time[fall_step]) if fell else math.nan,
+                "mode": mode(measured.hip_ankle_r),
+                **asdict(measured),
+            }
+        )
+    return rows
+
+
+def _finite(trajectory: Trajectory, w: int) -> bool:
+    """Whether the simulation of world `w` held. The centre of pressure may be nan: no foot carries load."""
+    names = ("target_x", "head_x", "head_vx", "joint_angle", "joint_velocity", "joint_torque", "torso_height")
+    return all(bool(np.isfinite(getattr(trajectory, name)[:, w]).all()) for name in names)
+
+
+def _measure(trajectory: Trajectory, w: int, transient_s: float, tolerance_m: float, still_joint_deg: float) -> Indices:
+    """All indices of world `w`, which must be valid."""
+    time, freq = trajectory.time, float(trajectory.freq[w])
+    after = time >= transient_s
+    parts = cycles(time, freq, transient_s)
+    hip, ankle = trajectory.hip[:, w], trajectory.ankle[:, w]
+    head, target = trajectory.head_x[:, w], trajectory.target_x[:, w]
+    torque, velocity = trajectory.joint_torque[:, w], trajectory.joint_velocity[:, w]
+    error = np.abs(head - target)[after]
+    hip_range, ankle_range = (float(np.degrees(np.ptp(angle[after]))) for angle in (hip, ankle))
+    moving = min(hip_range, ankle_range) >= still_joint_deg
+    phase = relative_phase_paper(hip, ankle, time, freq, parts) if moving else math.nan
+    phases = cycle_phases(hip, ankle, time, freq, parts, math.radians(still_joint_deg))
+    phase_mean, phase_sd = circular_mean_sd(phases)
+    cop = cop_percentiles(trajectory.cop_x[after, w])
+    return Indices(
+        cycles=len(parts),
+        hip_ankle_r=correlation(hip, ankle) if moving else math.nan,
+        relative_phase_paper_rad=phase,
+        relative_phase_deg=math.degrees(2 * phase),
+        phase_mean_deg=phase_mean,
+        phase_sd_deg=phase_sd,
+        target_head_r=correlation(target, head),
+        head_amplitude_m=cycle_amplitude(head, parts),
+        head_speed_mps=float(np.abs(trajectory.head_vx[:, w]).mean()),
+        tracking_error_mean_mm=1e3 * float(error.mean()),
+        tracking_error_rms_mm=1e3 * math.sqrt(float(np.mean(error**2))),
+        beyond_tolerance_share=float(np.mean(error > tolerance_m)),
+        energy_j=energy(torque, velocity, trajectory.control_dt),
+        cost=torque_cost(torque[after], trajectory.torque_limit),
+        hip_range_deg=hip_range,
+        ankle_range_deg=ankle_range,
+        hip_torque_range_nm=float(np.ptp(torque[after, HIP].mean(axis=1))),
+        ankle_torque_range_nm=float(np.ptp(torque[after, ANKLE].mean(axis=1))),
+        **{f"cop_p{p:02d}_m": float(x) for p, x in zip(COP_PERCENTILES, cop, strict=True)},
+        foot_not_flat_share=float(np.mean(~trajectory.foot_flat[after, w])),
+        foot_displacement_max_m=float(trajectory.foot_displacement[:, w].max()),
+    )
+
+
+def write_csv(rows: list[Row], path: str | Path) -> None:
+    """Write rows as CSV, floats to six digits, nan as "nan"; atomic. ValueError if there is none."""
+    if not rows:
+        raise ValueError(f"no rows to write to {path}")
+    with replacing(Path(path)) as temporary, temporary.open("w", newline="") as file:
+        writer = csv.DictWriter(file, fieldnames=list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        for row in rows:
+            writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
+
+
+def read_csv(path: str | Path) -> list[Row]:
+    """Read what `write_csv` wrote: numbers as float, True and False as bool, all else as text."""
+    with Path(path).open(newline="") as file:
+        return [{name: _value(text) for name, text in row.items()} for row in csv.DictReader(file)]
+
+
+def _value(text: str) -> float | bool | str:
+    if text in ("True", "False"):
+        return text == "True"
+    try:
+        return float(text)
+    except ValueError:
+        return text

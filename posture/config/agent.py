@@ -1,0 +1,76 @@
+"""What rsl-rl is given: the networks, the algorithm and the roll-out; values in conf/agent/."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from envs.config import Steps, Strict
+from posture.config.fields import Share, Small
+
+
+class ObsGroups(Strict):
+    """Which of the environment's observation groups each network sees."""
+
+    actor: Annotated[tuple[str, ...], Field(min_length=1)]
+    critic: Annotated[tuple[str, ...], Field(min_length=1)]
+
+
+class AlgorithmConfig(Strict):
+    """rsl-rl's PPO, its keys unrenamed."""
+
+    class_name: Literal["PPO"]
+    num_learning_epochs: Annotated[int, Field(ge=1, le=1000)]
+    num_mini_batches: Annotated[int, Field(ge=1, le=1_000_000)]
+    clip_param: Small
+    gamma: Share
+    lam: Annotated[float, Field(ge=0, le=1)]
+    value_loss_coef: Annotated[float, Field(ge=0, le=1000)]
+    entropy_coef: Annotated[float, Field(ge=0, le=1000)]
+    learning_rate: Small
+    max_grad_norm: Annotated[float, Field(gt=0, le=1e6)]
+    optimizer: Literal["adam", "adamw", "sgd", "rmsprop"]
+    use_clipped_value_loss: bool
+    schedule: Literal["adaptive", "fixed"]
+    desired_kl: Small
+    normalize_advantage_per_mini_batch: bool
+
+
+class DistributionConfig(Strict):
+    """rsl-rl's Gaussian action distribution with a standard deviation that does not depend on the state."""
+
+    class_name: Literal["GaussianDistribution"]
+    init_std: Annotated[float, Field(ge=1e-6, le=1e6)]
+    std_range: tuple[Annotated[float, Field(ge=1e-6, le=1e6)], Annotated[float, Field(ge=1e-6, le=1e6)]]
+    std_type: Literal["log", "scalar"]
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "DistributionConfig":
+        if not self.std_range[0] <= self.init_std <= self.std_range[1]:
+            raise ValueError(f"init_std = {self.init_std:g} must lie within std_range {list(self.std_range)}")
+        return self
+
+
+class CriticConfig(Strict):
+    """rsl-rl's MLPModel."""
+
+    class_name: Literal["MLPModel"]
+    hidden_dims: Annotated[tuple[Annotated[int, Field(ge=1, le=4096)], ...], Field(min_length=1, max_length=16)]
+    activation: Literal["elu", "selu", "relu", "crelu", "lrelu", "tanh", "sigmoid", "softplus", "gelu", "swish", "mish"]
+    obs_normalization: bool
+
+
+class ActorConfig(CriticConfig):
+    """rsl-rl's MLPModel with an action distribution."""
+
+    distribution_cfg: DistributionConfig
+
+
+class AgentConfig(Strict):
+    """What rsl-rl's OnPolicyRunner is given."""
+
+    num_steps_per_env: Annotated[int, Field(ge=1, le=100_000)]
+    save_interval: Steps
+    obs_groups: ObsGroups
+    algorithm: AlgorithmConfig
+    actor: ActorConfig
+    critic: CriticConfig

@@ -1,0 +1,34 @@
+"""Configuration of the export; values and units in conf/export.yaml."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from envs.config import Strict
+from posture.config.device import check_engine
+from posture.config.eval import EnvChanges, EvaluationConfig
+from posture.config.fields import PathText
+from posture.config.published import Paper
+
+
+class ExportConfig(Strict):
+    """Everything that `posture.export` is told."""
+
+    what: Annotated[tuple[Literal["trajectories", "policy"], ...], Field(min_length=1, max_length=2)]
+    ckpt: PathText
+    device: str
+    out: PathText | None
+    in_degrees: bool
+    env: EnvChanges
+    evaluation: EvaluationConfig
+    paper: Paper
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "ExportConfig":
+        check_engine(self.env.physics, self.device)
+        twice = sorted({freq for freq in self.evaluation.freq if self.evaluation.freq.count(freq) > 1})
+        if twice:
+            raise ValueError(
+                f"evaluation.freq: {twice[0]:g} Hz stands there twice; allowed is each frequency once, a file each"
+            )
+        return self

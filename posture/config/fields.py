@@ -1,0 +1,24 @@
+"""Types of fields that several commands share."""
+
+import unicodedata
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+Share = Annotated[float, Field(gt=0, le=1)]
+Small = Annotated[float, Field(ge=1e-9, le=1)]
+Tolerance = Annotated[float, Field(gt=0, le=2)]
+
+
+def _possible(text: str) -> str:
+    if any(unicodedata.category(character) in ("Cc", "Cs") for character in text):
+        raise ValueError(f"{ascii(text)} is no path: it has control characters or is not valid text")
+    if not text.strip():
+        raise ValueError("a path must not be empty; null stands for the usual place")
+    if len(text.encode()) > 4000 or any(len(part.encode()) > 255 for part in text.split("/")):
+        raise ValueError("a path has at most 4000 bytes, and each of its parts 255")
+    return text
+
+
+PathText = Annotated[str, AfterValidator(_possible)]
+"""A path that a file system can have; whether there is such a file is another matter."""

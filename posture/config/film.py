@@ -1,0 +1,63 @@
+"""Configuration of the films; values, units and sources in conf/film.yaml."""
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from envs.config import Freq, Ramp, Seconds, Strict
+from posture.config.device import check_engine
+from posture.config.eval import EnvChanges
+from posture.config.fields import PathText
+from posture.config.published import Paper
+
+FRAMES_A_CYCLE = 4
+"""With fewer the eye sees another motion than the one that is filmed."""
+
+
+class FilmEnv(EnvChanges):
+    """Changes to the environment of the filmed policy, and its targets."""
+
+    freq: Annotated[
+        tuple[Freq, ...],
+        BeforeValidator(lambda value: value if isinstance(value, (list, tuple)) else (value,)),
+        Field(min_length=1, max_length=4),
+    ]
+    ramp: Ramp
+
+
+class FilmConfig(Strict):
+    """Everything that `posture.film` is told."""
+
+    ckpt: PathText
+    device: str
+    out: PathText | None
+    films: Annotated[tuple[Literal["two_modes", "ramp"], ...], Field(min_length=1)]
+    formats: Annotated[tuple[Literal["mp4", "gif"], ...], Field(min_length=1)]
+    env: FilmEnv
+    settle: Annotated[float, Field(ge=0, le=100_000)]
+    shortest: Seconds
+    longest: Seconds
+    fps: Annotated[float, Field(ge=5, le=50)]
+    width: Annotated[int, Field(ge=60, le=1920, multiple_of=2)]
+    paper: Paper
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "FilmConfig":
+        check_engine(self.env.physics, self.device)
+        if "two_modes" in self.films:
+            for freq in self.env.freq:
+                if freq > self.fps / FRAMES_A_CYCLE:
+                    raise ValueError(
+                        f"env.freq = {freq:g}: fewer than {FRAMES_A_CYCLE} frames to a cycle; allowed is up to "
+                        f"{self.fps / FRAMES_A_CYCLE:g} Hz with fps = {self.fps:g}"
+                    )
+                if 1 / freq > self.longest:
+                    raise ValueError(
+                        f"env.freq = {freq:g}: a cycle lasts {1 / freq:g} s, longer than a film; allowed is "
+                        f"{1 / self.longest:g} Hz or more with longest = {self.longest:g}"
+                    )
+        if "ramp" in self.films and self.env.ramp.duration > self.longest:
+            raise ValueError(
+                f"env.ramp.duration = {self.env.ramp.duration:g}: allowed is up to longest = {self.longest:g} s"
+            )
+        return self

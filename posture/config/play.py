@@ -1,0 +1,101 @@
+"""Configuration of the page; values, units and sources in conf/play.yaml."""
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from envs.config import Amplitude, AnkleStiffness, Freq, HipStiffness, Load, Strict
+from posture.config.eval import EvaluationConfig, LqrConfig
+from posture.config.fields import PathText, Share, Tolerance
+from posture.config.published import Paper
+
+Step = Annotated[float, Field(gt=0, le=1000)]
+Force = Annotated[float, Field(gt=0, le=10_000)]
+
+KNOBS = ("freq", "hip_k", "ankle_k", "load", "amplitude", "tolerance")
+
+
+class Sliders(Strict):
+    """[from, to, step] of each knob, in its unit."""
+
+    freq: tuple[Freq, Freq, Step]
+    hip_k: tuple[HipStiffness, HipStiffness, Step]
+    ankle_k: tuple[AnkleStiffness, AnkleStiffness, Step]
+    load: tuple[Load, Load, Step]
+    amplitude: tuple[Amplitude, Amplitude, Step]
+    tolerance: tuple[Tolerance, Tolerance, Step]
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "Sliders":
+        for name in KNOBS:
+            low, high, step = getattr(self, name)
+            if not low < high or step > high - low:
+                raise ValueError(f"sliders.{name}: goes from low to high in steps between, got {[low, high, step]}")
+        if not self.tolerance[1] < self.amplitude[0]:
+            raise ValueError(
+                f"sliders.tolerance: ends at {self.tolerance[1]:g} m, where to stand still is good enough; allowed is less "
+                f"than the least amplitude, {self.amplitude[0]:g} m"
+            )
+        return self
+
+
+class Push(Strict):
+    """A horizontal `force` [N], forward, on the HAT's centre of mass for `duration` [s]; its slider ends at `limit` [N]."""
+
+    force: Force
+    limit: Force
+    duration: Annotated[float, Field(gt=0, le=5)]
+
+    @model_validator(mode="after")
+    def _within(self) -> "Push":
+        if self.force > self.limit:
+            raise ValueError(f"push.force = {self.force:g}: allowed is up to push.limit = {self.limit:g} N")
+        return self
+
+
+class Recording(Strict):
+    """A ramp `freq` from .. to [Hz], with `hold` [s] at either end."""
+
+    freq: tuple[Freq, Freq]
+    hold: Annotated[float, Field(ge=0, le=60)]
+
+
+class PlayConfig(Strict):
+    """Everything that `posture.play` is told."""
+
+    ckpt: PathText
+    port: Annotated[int, Field(ge=0, le=65535)]
+    browser: bool
+    visitors: Annotated[int, Field(ge=1, le=64)]
+    freq: Freq
+    hip_k: HipStiffness | None
+    ankle_k: AnkleStiffness | None
+    load: Load | None
+    amplitude: Amplitude | None
+    tolerance: Tolerance | None
+    sliders: Sliders
+    ramp_rate: Annotated[float, Field(gt=0, le=10)]
+    window_steps: Annotated[int, Field(ge=2, le=10_000)]
+    push: Push
+    slow_motion: Share
+    frames_per_s: Annotated[float, Field(ge=1, le=60)]
+    plots_per_s: Annotated[float, Field(ge=0.5, le=30)]
+    theory_freqs: Annotated[int, Field(ge=2, le=200)]
+    record: PathText | None
+    recording: Recording
+    lqr: LqrConfig
+    evaluation: EvaluationConfig
+    paper: Paper
+
+    @model_validator(mode="after")
+    def _within_the_sliders(self) -> "PlayConfig":
+        for name in KNOBS:
+            low, high, _ = getattr(self.sliders, name)
+            value = getattr(self, name)
+            if value is not None and not low <= value <= high:
+                raise ValueError(f"{name} = {value:g}: allowed is {low:g}..{high:g}, as far as its slider goes")
+        low, high, _ = self.sliders.freq
+        start, end = self.recording.freq
+        if not low <= start < end <= high:
+            raise ValueError(f"recording.freq: a ramp goes up within {low:g}..{high:g} Hz, got {[start, end]}")
+        return self

@@ -1,0 +1,86 @@
+"""Configuration of the theory's tables and map; values, units and sources in conf/theory.yaml."""
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from envs.config import AnkleStiffness, Freq, HipStiffness, Load, Strict
+from posture.config.environment import Environment
+from posture.config.eval import EvaluationConfig
+from posture.config.fields import PathText, Tolerance
+from posture.config.published import Paper
+
+MAX_VALUES = 10_000
+"""Points of a table or of the map: each is an optimisation of some milliseconds."""
+
+
+class Experiment3(Strict):
+    """Hip stiffness swept at one frequency."""
+
+    freq: Freq
+    hip_k: Annotated[tuple[HipStiffness, ...], Field(min_length=1, max_length=1000)]
+
+
+class Experiment4b(Strict):
+    """Load swept, from .. to, at one frequency."""
+
+    freq: Freq
+    load: tuple[Load, Load]
+    step: Annotated[float, Field(gt=0, le=50)]
+
+
+class Figure13(Strict):
+    """Hip stiffness by frequency, from .. to."""
+
+    hip_k: Annotated[tuple[HipStiffness, ...], Field(min_length=1, max_length=1000)]
+    freq: tuple[Freq, Freq]
+    step: Annotated[float, Field(gt=0, le=10)]
+
+
+class Around(Strict):
+    """Values of each parameter at which the transition is computed, the others as configured; tolerances as large
+    as the amplitude are left out."""
+
+    ankle_k: Annotated[tuple[AnkleStiffness, ...], Field(max_length=1000)]
+    load: Annotated[tuple[Load, ...], Field(max_length=1000)]
+    tolerance: Annotated[tuple[Tolerance, ...], Field(max_length=1000)]
+
+
+class TheoryConfig(Strict):
+    """Everything that `posture.theory` is told."""
+
+    env: Environment
+    evaluation: EvaluationConfig
+    tolerance: Tolerance | None
+    out: PathText | None
+    search: tuple[Freq, Freq]
+    experiment_3: Experiment3
+    experiment_4b: Experiment4b
+    figure_13: Figure13
+    around: Around
+    paper: Paper
+
+    @property
+    def head_tolerance(self) -> float:
+        """[m] the head may be from its target; where that ends no episode, what evaluation counts as lost."""
+        return self.evaluation.tolerance if self.tolerance is None else self.tolerance
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "TheoryConfig":
+        if not self.search[0] < self.search[1]:
+            raise ValueError(f"search: a range goes from low to high, got {list(self.search)}")
+        for name, (low, high) in (("experiment_4b.load", self.experiment_4b.load), ("figure_13.freq", self.figure_13.freq)):
+            if not low <= high:
+                raise ValueError(f"{name}: a range goes from low to high, got {[low, high]}")
+        for name, (low, high), step, rows in (
+            ("experiment_4b", self.experiment_4b.load, self.experiment_4b.step, 1),
+            ("figure_13", self.figure_13.freq, self.figure_13.step, len(self.figure_13.hip_k)),
+        ):
+            if ((high - low) / step + 1) * rows > MAX_VALUES:
+                raise ValueError(f"{name}.step: {step:g} makes more than {MAX_VALUES:,} values; take a larger one")
+        if self.head_tolerance >= self.env.amplitude:
+            raise ValueError(
+                f"tolerance: {self.head_tolerance:g} m leaves the head no motion to make; allowed is less than "
+                f"env.amplitude = {self.env.amplitude:g} m"
+            )
+        return self

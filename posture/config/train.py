@@ -1,0 +1,52 @@
+"""Configuration of `posture.train`, which a run folder keeps as config.yaml."""
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from envs.config import Steps, Strict
+from posture.config.agent import AgentConfig
+from posture.config.device import check_engine
+from posture.config.environment import Environment
+from posture.config.eval import EvaluationConfig, check_trial
+from posture.config.fields import PathText
+from posture.config.published import Paper
+
+
+class TrainConfig(Strict):
+    """Everything that `posture.train` is told, and what a run folder keeps as config.yaml."""
+
+    env: Environment
+    agent: AgentConfig
+    evaluation: EvaluationConfig
+    seed: Annotated[int, Field(ge=0, lt=2**31)]
+    device: str
+    processes: Annotated[int, Field(ge=1, le=256)]
+    threads: Annotated[int, Field(ge=1, le=1024)]
+    max_iterations: Steps
+    resume: PathText | None
+    evaluate: bool
+    paper: Paper
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "TrainConfig":
+        check_trial(self.evaluation, self.env)
+        check_engine(self.env.physics, self.device)
+        known = set(self.env.observations)
+        for network, groups in (("actor", self.agent.obs_groups.actor), ("critic", self.agent.obs_groups.critic)):
+            missing = sorted(set(groups) - known)
+            if missing:
+                raise ValueError(
+                    f"agent.obs_groups.{network}: {', '.join(missing)} not among the groups of env.observations "
+                    f"({', '.join(sorted(known))})"
+                )
+        if self.env.num_envs % self.processes:
+            raise ValueError(f"env.num_envs = {self.env.num_envs} cannot be shared equally among {self.processes} processes")
+        own = self.env.num_envs // self.processes * self.agent.num_steps_per_env
+        parts = self.agent.algorithm.num_mini_batches
+        if own < 2 * parts:
+            raise ValueError(
+                f"env.num_envs x agent.num_steps_per_env = {own} samples a process do not fill {parts} mini-batches with "
+                "two samples each: raise one of the former, or lower agent.algorithm.num_mini_batches"
+            )
+        return self

@@ -1,0 +1,54 @@
+"""The model-based controller of `posture.theory.lqr` as a policy that acts in the simulation."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from tensordict import TensorDict
+
+from envs.body.joints import ANKLES, HIPS
+from envs.task.head_tracking import HeadTrackingEnv
+from posture.config.eval import LqrConfig
+from posture.theory.lqr import gain, lean, reference
+from posture.theory.motion import Motion
+
+
+class LqrController:
+    """A policy for `posture.evaluation.rollout`: it reads the state of `env` itself, and returns normalised torques (N,
+    2)."""
+
+    def __init__(self, env: HeadTrackingEnv, motions: Sequence[Motion], config: LqrConfig, duration: float) -> None:
+        """`motions`[i] is what world i is to do, for `duration` [s] from the start of its episode."""
+        if len(motions) != env.num_envs:
+            raise ValueError(f"{len(motions)} motions for {env.num_envs} worlds")
+        dt = env.config.control_dt
+        time = dt * np.arange(round(duration / dt) + 1, dtype=np.float64)
+        states, torques = [], []
+        for motion in motions:
+            angle, velocity, _ = reference(motion, time, config.fade_in)
+            states.append(np.hstack([angle, velocity]))
+            torques.append(reference(motion, time + dt / 2, config.fade_in)[2])
+        self._env = env
+        self._state, self._torque = (
+            torch.tensor(np.stack(x), dtype=torch.float32, device=env.sim.device) for x in (states, torques)
+        )
+        gains = [gain(motion.stander, dt, config) for motion in motions]
+        self._gain = torch.tensor(np.stack(gains), dtype=torch.float32, device=env.sim.device)
+        leans = zip(*(lean(motion.stander) for motion in motions), strict=True)
+        self._lean_angle, self._lean_torque = (
+            torch.tensor(np.stack(x), dtype=torch.float32, device=env.sim.device) for x in leans
+        )
+        self._foot_start = env.foot_position[..., 0].mean(-1).clone()
+        self._worlds = torch.arange(env.num_envs, device=env.sim.device)
+
+    def __call__(self, _observation: TensorDict) -> torch.Tensor:
+        """Action of every world at the present moment of its episode."""
+        step = self._env.episode_length_buf.clamp(max=self._state.shape[1] - 1)
+        angle, velocity = self._env.sim.joint_angle, self._env.sim.joint_velocity
+        kinds = [x[:, kind].mean(-1) for x in (angle, velocity) for kind in (HIPS, ANKLES)]
+        crept = (self._env.foot_position[..., 0].mean(-1) - self._foot_start)[:, None]
+        deviation = torch.stack(kinds, dim=-1) - self._state[self._worlds, step]
+        deviation[:, :2] += crept * self._lean_angle
+        feedforward = self._torque[self._worlds, step] - crept * self._lean_torque
+        torque = feedforward - (self._gain @ deviation[..., None])[..., 0]
+        return torque / self._env.config.torque_limit

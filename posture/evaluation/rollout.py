@@ -1,0 +1,83 @@
+"""A deterministic policy in the environment, recorded as a `Trajectory`."""
+
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from tensordict import TensorDict
+
+from envs.body.joints import JOINTS as MODEL_JOINTS
+from envs.task.head_tracking import HeadTrackingEnv
+from posture.analysis.trajectory import JOINTS, Trajectory
+
+Policy = Callable[[TensorDict], torch.Tensor]
+
+MIN_LOAD_N = 1.0
+"""With less force under the feet than this there is no centre of pressure to speak of [N]."""
+
+_ORDER = [MODEL_JOINTS.index(name) for name in JOINTS]
+
+
+def rollout(env: HeadTrackingEnv, policy: Policy, freq: torch.Tensor | None, duration: float) -> Trajectory:
+    """Let `policy` act in every world of `env` from standing, for `duration` [s]; world i follows `freq`[i] [Hz] (N,).
+
+    `freq` None leaves the targets to the environment's own configuration. Whatever ends an episode in `env` is taken for a
+    fall: from then on the record of that world is nan. Raises `ConstraintOverflowError` where physics was cut short.
+    """
+    steps = round(duration / env.config.control_dt)
+    if freq is not None:
+        env.follow(freq)
+    observation = env.reset_all()
+    followed = env.freq if freq is None else freq
+    if freq is None and env.config.ramp is not None:
+        followed = torch.full_like(env.freq, torch.nan)
+    fall_step = torch.full((env.num_envs,), -1, dtype=torch.long, device=env.sim.device)
+    records: dict[str, list[torch.Tensor]] = {name: [] for name in _SIGNALS}
+    with torch.inference_mode():
+        for step in range(steps):
+            observation, _, done, extras = env.step(policy(observation))
+            env.sim.check_capacity()
+            fell = done & ~extras["time_outs"] & (fall_step < 0)
+            fall_step = torch.where(fell, step, fall_step)
+            for name, signal in _SIGNALS.items():
+                records[name].append(signal(env).cpu().double())
+    arrays = {name: torch.stack(values).numpy() for name, values in records.items()}
+    for world, fall in enumerate(fall_step.tolist()):
+        if fall >= 0:
+            for name in arrays:
+                arrays[name][fall:, world] = np.nan
+    flat = arrays.pop("foot_flat") == 1.0
+    return Trajectory(
+        time=env.config.control_dt * np.arange(1, steps + 1, dtype=np.float64),
+        freq=followed.double().cpu().numpy(),
+        hip_k=env.sim.hip_k.double().cpu().numpy(),
+        ankle_k=env.sim.ankle_k.double().cpu().numpy(),
+        load=env.sim.load.double().cpu().numpy(),
+        fall_step=fall_step.cpu().numpy(),
+        foot_flat=flat,
+        torque_limit=env.config.torque_limit,
+        control_dt=env.config.control_dt,
+        **arrays,
+    )
+
+
+def _cop_x(env: HeadTrackingEnv) -> torch.Tensor:
+    """Centre of pressure of both feet along x in the foot frame [m], nan while they carry no load. (N,)."""
+    vertical = env.sim.sole_force[..., 2].flatten(1)
+    along = env.sim.sole_position[..., 0].flatten(1)
+    load = vertical.sum(-1)
+    return torch.where(load > MIN_LOAD_N, (vertical * along).sum(-1) / load.clamp(min=MIN_LOAD_N), torch.nan)
+
+
+_SIGNALS: dict[str, Callable[[HeadTrackingEnv], torch.Tensor]] = {
+    "target_x": lambda env: env.target_x,
+    "head_x": lambda env: env.head_x,
+    "head_vx": lambda env: env.head_vx,
+    "joint_angle": lambda env: env.sim.joint_angle[:, _ORDER],
+    "joint_velocity": lambda env: env.sim.joint_velocity[:, _ORDER],
+    "joint_torque": lambda env: env.config.torque_limit * env.action[:, _ORDER],
+    "cop_x": _cop_x,
+    "torso_height": lambda env: env.hat_pose[:, 2],
+    "foot_displacement": lambda env: env.foot_displacement.amax(-1),
+    "foot_flat": lambda env: (env.sim.sole_force[..., 2] > 0.0).all(-1).all(-1).float(),
+}

@@ -1,0 +1,263 @@
+"""The pictures of the films. What moves is moved and drawn over a background that was drawn once."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
+from matplotlib.text import Text
+
+from posture.analysis.coordination import mode
+from posture.analysis.ramp import ramp_transition
+from posture.analysis.trajectory import Array
+from posture.drawing.silhouette import DOT_RADIUS, draw_body, draw_ground, draw_phases, draw_target, head_position
+from posture.drawing.style import ANKLE_COLOUR, BLUE, FALL_COLOUR, GREY, HIP_COLOUR, MODE_COLOUR, RED, STYLE
+from posture.film.motion import Motion
+from posture.film.video import Frame
+
+PANEL_IN = 3.6  # width of a panel, which sizes of text count in [in]
+HEIGHT_TWO_MODES, HEIGHT_RAMP = 4.5, 6.0  # of the films at that width [in]
+BIG, MEDIUM, SMALL = 16, 13, 11  # of text [pt]
+PHASES = np.linspace(0.0, 1.0, 5)  # of a cycle at which bodies stand side by side: its quarters, and its end
+SPACING = 0.52  # between two of them [m]
+STAGE = (-0.33, 0.43)  # of x that is shown of the moving body [m]
+MARK = -0.1  # height of the mark under the bodies that stand side by side [m]
+BELOW, ABOVE = 0.07, 0.07  # what is shown below the ground and above the target [m]
+HEAD_DOT = 1.2 * DOT_RADIUS  # [m]
+CURSOR = {"color": "black", "lw": 1.0, "alpha": 0.6}
+
+
+class Film(Sequence[Frame]):
+    """Frames, drawn when they are asked for. `moving` artists are drawn in each, in this order; all else once."""
+
+    def __init__(self, width: int, panels: int, height_in: float, time: Array) -> None:
+        """`width` [px] of a panel; `height_in` of the film where a panel is PANEL_IN wide; frames at `time` (F,) [s]."""
+        dpi = width / PANEL_IN
+        height = 2 * round(height_in * dpi / 2)  # even, as H.264 wants it
+        # The canvas cuts off parts of a pixel.
+        self.figure = Figure(figsize=((width * panels + 0.01) / dpi, (height + 0.01) / dpi), dpi=dpi)
+        self.canvas = FigureCanvasAgg(self.figure)
+        self.time = time
+        self.moving: list[Artist] = []
+        self._background: Any = None
+
+    @property
+    def fps(self) -> float:
+        """Frames a second."""
+        return 1 / float(self.time[1] - self.time[0])
+
+    @abstractmethod
+    def show(self, i: int) -> None:
+        """Move the moving artists to frame `i`."""
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __getitem__(self, i: Any) -> Any:
+        if not 0 <= i < len(self):
+            raise IndexError(i)
+        if self._background is None:
+            for artist in self.moving:
+                artist.set_animated(True)
+            self.canvas.draw()
+            self._background = self.canvas.copy_from_bbox(self.figure.bbox)
+        self.canvas.restore_region(self._background)
+        self.show(i)
+        for artist in self.moving:
+            self.figure.draw_artist(artist)
+        return np.array(self.canvas.buffer_rgba())[..., :3].copy()
+
+
+class Stage:
+    """The stander from the side with its target and a dot in the middle of its head, in axes of their own."""
+
+    def __init__(self, ax: Axes, motion: Motion, target_height: float, reach: float) -> None:
+        """`target_height` [m]; the target moves between 0 and `reach` [m]."""
+        self.motion, self.target_height = motion, target_height
+        ax.set(xlim=STAGE, ylim=(-BELOW, target_height + ABOVE))
+        ax.set_axis_off()
+        draw_ground(ax, *STAGE)
+        ax.plot([0, reach], 2 * [target_height], color=GREY, lw=1.5, alpha=0.6, zorder=1)
+        self.body = draw_body(ax, 0.0, 0.0)
+        self.line, self.ball = draw_target(ax, 0.0, target_height)
+        self.head = ax.add_patch(Circle((0.0, 0.0), HEAD_DOT, fc="black", ec="white", lw=0.7, zorder=3))
+        self.moving = [*self.body.layers, *self.body.joints, self.line, self.ball, self.head]
+
+    def show(self, i: int) -> None:
+        """Move to frame `i`."""
+        motion = self.motion
+        hip, ankle, foot = float(motion.hip[i]), float(motion.ankle[i]), float(motion.foot_x[i])
+        head, target, height = float(motion.head_x[i]), float(motion.target_x[i]), head_position(hip, ankle, foot)[1]
+        self.body.move(hip, ankle, foot)
+        self.head.center = head, height
+        self.ball.center = target, self.target_height
+        self.line.set_data([target, target], [height, self.target_height])
+
+
+class TwoModes(Film):
+    """Standers at different frequencies side by side: each moves, beside five moments of a cycle (paper Fig. 2) and its hip
+    and ankle angle over that cycle."""
+
+    def __init__(
+        self, motions: Sequence[Motion], cycles: Sequence[Motion], width: int, target_height: float, reach: float
+    ) -> None:
+        """A motion at the frames of the film and, of the same stander, one at evenly spaced moments of a cycle, its end
+        included. `width` [px] of a panel; `target_height` [m]; the targets move between 0 and `reach` [m]."""
+        super().__init__(width, len(motions), HEIGHT_TWO_MODES, motions[0].time)
+        self._panels: list[tuple[Motion, Stage, Text, Line2D, list[Line2D]]] = []
+        with rc_context(STYLE):
+            for number, (motion, cycle) in enumerate(zip(motions, cycles, strict=True)):
+                self._add(number / len(motions), 1 / len(motions), motion, cycle, target_height, reach)
+
+    def _add(self, left: float, share: float, motion: Motion, cycle: Motion, target_height: float, reach: float) -> None:
+        """A panel at `left` of the figure, `share` of it wide."""
+        fig, freq = self.figure, float(motion.freq[0])
+
+        def axes(x: float, y: float, wide: float, high: float) -> Axes:
+            return fig.add_axes((left + share * x, y, share * wide, high))
+
+        if left:
+            fig.add_artist(Line2D([left, left], [0.04, 0.96], color=GREY, lw=0.8, alpha=0.5))
+        fig.text(left + 0.05 * share, 0.925, f"{freq:g} Hz", fontsize=BIG, fontweight="bold")
+        title = fig.text(left + 0.05 * share, 0.855, "", fontsize=BIG, fontweight="bold")
+        stage = Stage(axes(0.01, 0.01, 0.38, 0.82), motion, target_height, reach)
+        bodies, angles = axes(0.39, 0.42, 0.60, 0.41), axes(0.54, 0.12, 0.37, 0.24)
+        at = np.round(PHASES * (len(cycle.time) - 1)).astype(int)
+        places = draw_phases(
+            bodies, cycle.hip[at], cycle.ankle[at], cycle.target_x[at], SPACING,
+            target_height=target_height, foot_x=cycle.foot_x[at],
+        )  # fmt: skip
+        _plot_angles(angles, np.linspace(places[0], places[-1], len(cycle.time)), cycle)
+        angles.set(xticks=places[[0, 2, 4]], xlim=places[[0, -1]])
+        angles.set_xticklabels(["0", f"{0.5 / freq:.3g}", f"{1 / freq:.3g} s"])
+        # Where in the cycle the moving body is.
+        (mark,) = bodies.plot([0], [MARK], "^", ms=9, color="black", clip_on=False, zorder=4)
+        (line,) = angles.plot([0, 0], [0, 1], transform=angles.get_xaxis_transform(), **CURSOR)
+        dots = [angles.plot([0], [0], "o", ms=8, mfc=c, mec="white", clip_on=False)[0] for c in (HIP_COLOUR, ANKLE_COLOUR)]
+        self._panels.append((motion, stage, title, line, [mark, *dots]))
+        self._length = float(places[-1])
+        self.moving += [*stage.moving, title, line, mark, *dots]
+
+    def show(self, i: int) -> None:
+        for motion, stage, title, line, (mark, hip, ankle) in self._panels:
+            stage.show(i)
+            _tell_mode(title, motion, i)
+            place = self._length * (float(motion.time[i] * motion.freq[i]) % 1.0)
+            line.set_xdata([place, place])
+            mark.set_xdata([place])
+            hip.set_data([place], [math.degrees(motion.hip[i])])
+            ankle.set_data([place], [math.degrees(motion.ankle[i])])
+
+
+class Ramp(Film):
+    """A stander whose target gets faster (paper Exp. 4a): it moves, beside its angles in the window of the correlation, over
+    the running correlation against the momentary frequency."""
+
+    def __init__(
+        self, motion: Motion, trailing: Array, trace: Motion, window: float, width: int, target_height: float, reach: float,
+        paper_hz: float,
+    ) -> None:  # fmt: skip
+        """`motion` with the centred correlation, and the `trailing` one (F,), at the frames; `trace`, the same at the
+        control steps; `window` of the correlation [s]; `paper_hz`: where the paper's changes sign [Hz]. See `TwoModes`."""
+        super().__init__(width, 2, HEIGHT_RAMP, motion.time)
+        self._motion, self._trailing, self._trace, self._half = motion, trailing, trace, window / 2
+        with rc_context(STYLE):
+            fig = self.figure
+            self._stage = Stage(fig.add_axes((0.02, 0.37, 0.26, 0.61)), motion, target_height, reach)
+            self._freq = fig.text(0.34, 0.92, "", fontsize=BIG, fontweight="bold")
+            self._clock = fig.text(0.02, 0.93, "", fontsize=MEDIUM)
+            self._mode = fig.text(0.97, 0.92, "", fontsize=BIG, fontweight="bold", ha="right")
+            self._angles = fig.add_axes((0.42, 0.50, 0.55, 0.36))
+            self._hip, self._ankle = _plot_angles(self._angles, trace.time, trace)
+            self._angles.set(xlim=(-self._half, self._half), xlabel="")
+            self._angles.set_xlabel("time from now [s]", fontsize=SMALL)
+            self._angles.axvline(0, **CURSOR)
+            self._correlation(fig.add_axes((0.11, 0.10, 0.86, 0.28)), paper_hz)
+        moving = [self._freq, self._clock, self._mode, self._hip, self._ankle, *self._switch, *self._lines, self._dot]
+        self.moving += [*self._stage.moving, *moving]
+
+    def _correlation(self, ax: Axes, paper_hz: float) -> None:
+        motion, side = self._motion, {"fontsize": MEDIUM, "fontweight": "bold", "transform": ax.transAxes}
+        ax.axhspan(0, 1.1, color=BLUE, alpha=0.08, lw=0)
+        ax.axhspan(-1.1, 0, color=RED, alpha=0.08, lw=0)
+        ax.axhline(0, color="black", lw=0.8)
+        ax.text(0.012, 0.88, "in-phase", color=BLUE, va="center", **side)
+        ax.text(0.012, 0.12, "anti-phase", color=RED, va="center", **side)
+        ax.axvline(paper_hz, color="black", lw=1.2, ls=(0, (4, 3)), alpha=0.7)
+        ax.text(paper_hz - 0.008, -0.95, f"paper {paper_hz:g} Hz", fontsize=SMALL, ha="right", va="bottom")
+        low, high = float(motion.freq.min()), float(motion.freq.max())
+        ax.set(ylim=(-1.1, 1.1), yticks=(-1, 0, 1), xlim=(low, high + 1e-9))
+        ax.tick_params(labelsize=SMALL)
+        ax.set_xlabel("momentary frequency of the target [Hz]", fontsize=SMALL)
+        ax.set_ylabel("correlation", fontsize=SMALL)
+        found = ramp_transition(motion.freq, motion.r).freq_hz
+        self._switch_hz = math.inf if found is None else found
+        at = min(self._switch_hz, high)
+        self._switch = [
+            ax.plot([at, at], [-1.1, 1.1], color="black", lw=1.5)[0],
+            ax.text(at + 0.012, 1.0, f"{at:.2f} Hz", fontsize=MEDIUM, fontweight="bold", va="top"),
+        ]
+        self._lines = [ax.plot([], [], color=c, lw=w)[0] for c, w in ((GREY, 1.3), (BLUE, 3.0), (RED, 3.0))]
+        names = [f"{2 * self._half:.0f} s around now", f"last {2 * self._half:.0f} s"]
+        ax.legend(self._lines[1::-1], names, title="window", loc="lower left", bbox_to_anchor=(0.28, 0.0), fontsize=SMALL,
+                  title_fontsize=SMALL, alignment="left", handlelength=1.5, labelspacing=0.2)  # fmt: skip
+        (self._dot,) = ax.plot([], [], "o", ms=9, mec="white", color="black", clip_on=False)
+
+    def show(self, i: int) -> None:
+        motion, now = self._motion, float(self._motion.time[i])
+        self._stage.show(i)
+        self._freq.set_text(f"{motion.freq[i]:.2f} Hz")
+        self._clock.set_text(f"{now:.1f} s")
+        _tell_mode(self._mode, motion, i)
+        near = slice(*np.searchsorted(self._trace.time, [now - self._half, now + self._half]))
+        for line, signal in ((self._hip, self._trace.hip), (self._ankle, self._trace.ankle)):
+            line.set_data(self._trace.time[near] - now, np.degrees(signal[near]))
+        freq, r = motion.freq[: i + 1], motion.r[: i + 1]
+        for line, shown in zip(self._lines, (self._trailing[: i + 1], _where(r, r >= 0), _where(r, r <= 0)), strict=True):
+            line.set_data(freq, shown)
+        for artist in self._switch:
+            artist.set_visible(bool(motion.freq[i] >= self._switch_hz))
+        self._dot.set_data([motion.freq[i]], [motion.r[i]])
+
+
+def _where(values: Array, wanted: Any) -> Array:
+    """`values` where they are `wanted`, else nan."""
+    return np.where(wanted, values, np.nan)
+
+
+def _plot_angles(ax: Axes, x: Array, motion: Motion) -> list[Line2D]:
+    """Hip and ankle angle [deg] against `x`, with their names above; the y axis is wide enough for the whole motion."""
+    lines = []
+    for signal, colour, name in ((motion.hip, HIP_COLOUR, "hip"), (motion.ankle, ANKLE_COLOUR, "ankle")):
+        lines += ax.plot(x, np.degrees(signal), color=colour, lw=2.4)
+        place = {"hip": (0.02, "left"), "ankle": (0.98, "right")}[name]
+        ax.text(place[0], 1.02, name, color=colour, fontsize=MEDIUM, fontweight="bold", ha=place[1], va="bottom",
+                transform=ax.transAxes)  # fmt: skip
+    both = np.degrees(np.concatenate([motion.hip, motion.ankle]))
+    margin = 0.1 * float(np.ptp(both)) + 0.5
+    ax.set_ylim(both.min() - margin, both.max() + margin)
+    ax.locator_params(axis="y", nbins=4)
+    ax.tick_params(labelsize=SMALL)
+    ax.set_ylabel("angle [deg]", fontsize=SMALL)
+    return lines
+
+
+def _tell_mode(text: Text, motion: Motion, i: int) -> None:
+    """The mode by the running correlation in its colour, or the fall."""
+    if motion.time[i] >= motion.fall:
+        text.set(text="fell", color=FALL_COLOUR)
+        return
+    r = float(motion.r[i])
+    told = mode(r)
+    number = f"   r = {r:+.2f}".replace("-", "\u2212") if math.isfinite(r) else ""
+    text.set(text=told + number, color=MODE_COLOUR[told])

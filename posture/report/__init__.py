@@ -1,1 +1,0 @@
-"""From the results of every experiment to one page: verdicts, tables, figures. `document.write_report` puts it together."""

@@ -1,0 +1,145 @@
+"""Where a run lives, and how its files are found, written and read safely; checkpoints are in
+posture/storage/checkpoint.py.
+
+A run folder explains itself:
+
+    config.yaml       the resolved configuration: evaluation rebuilds the environment from it
+    provenance.yaml   command, versions, git commit and start time, of the start and of each time it was resumed
+    model_<n>.pt      policy, value function and optimiser after n iterations (rsl-rl's own format)
+    resume.pt         what else an exact resume needs, as of the newest model
+    events.out.*      TensorBoard
+    evaluation/       what posture.eval wrote
+"""
+
+import datetime
+import os
+import re
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from posture.config.errors import ConfigError
+from posture.config.reading import read
+from posture.config.train import TrainConfig
+from posture.storage import yaml_files
+
+RUNS = Path("runs")
+PRETRAINED = Path(__file__).resolve().parent.parent / "pretrained"
+"""Run folders that come with the package, reduced to their policies: posture/reproduce/ship.py."""
+
+
+def folder_for(parent: str, resume: str | None) -> str:
+    """Folder of the run that is about to start: that of the run it resumes, or a new name under `parent`.
+
+    The name is the time and the process, so that two runs started in the same second do not share a folder. Of the processes
+    that torchrun starts the first alone writes; the others get a folder that nobody looks at.
+    """
+    if resume is not None:
+        return str(find_run(resume))
+    if os.environ.get("RANK", "0") != "0":
+        return tempfile.mkdtemp(prefix="posture-")
+    name = f"{datetime.datetime.now():%Y-%m-%d_%H-%M-%S}_{os.getpid()}"
+    taken = sum(1 for path in Path(parent).glob(f"{name}*"))
+    return str(Path(parent) / (f"{name}_{taken + 1}" if taken else name))
+
+
+def is_run(folder: Path) -> bool:
+    """Whether `folder` holds a run."""
+    return (folder / "config.yaml").is_file()
+
+
+def runs_in(folder: Path) -> list[Path]:
+    """The runs of a sweep folder, in the order of their job numbers; a run folder is its own only run."""
+    if is_run(folder):
+        return [folder]
+    jobs = [path for path in folder.iterdir() if path.is_dir() and is_run(path)]
+    return sorted(
+        jobs, key=lambda path: (int(path.name.split("_")[0]) if path.name.split("_")[0].isdigit() else 0, path.name)
+    )
+
+
+def find_run(name: str) -> Path:
+    """The run folder that `name` means: a path, or `latest` for the newest under runs/. Raises ConfigError."""
+    if name == "latest":
+        runs = [run for top in RUNS.glob("*") if top.is_dir() for run in runs_in(top) if newest_model(run)]
+        if not runs:
+            raise ConfigError(f"latest: no run with a checkpoint under {RUNS}/; train one with python -m posture.train")
+        return max(runs, key=lambda run: newest_model(run).stat().st_mtime)  # type: ignore[union-attr]
+    folder = Path(name)
+    if not is_run(folder):
+        raise ConfigError(f"{name}: not a run folder (it has no config.yaml); give one, or latest")
+    return folder
+
+
+def find_checkpoints(name: str, wanted: Callable[[Path], bool] | None = None) -> list[Path]:
+    """Checkpoint files that `ckpt=name` means: a file, the newest of a run folder, of each run of a sweep, of the latest
+    run, or one that comes with the package. Of a sweep those alone that are `wanted`. Raises ConfigError."""
+    path = Path(name)
+    if name == "latest":
+        runs = [find_run(name)]
+    elif name == "pretrained" or name.startswith("pretrained/"):
+        return [_pretrained(name.removeprefix("pretrained").lstrip("/") or "default")]
+    elif path.is_file():
+        if not is_run(path.parent):
+            raise ConfigError(f"{name}: there is no config.yaml beside it, so its environment is not known")
+        return [path]
+    elif path.is_dir():
+        runs = [run for run in runs_in(path) if wanted is None or wanted(run)]
+        if not runs:
+            raise ConfigError(f"{name}: neither a run folder (with config.yaml) nor a sweep of such folders")
+    else:
+        raise ConfigError(
+            f"{name}: no such file or folder; allowed are a checkpoint, a run folder, a sweep folder, latest, or pretrained"
+        )
+    found = [newest_model(run) for run in runs]
+    if not any(found):
+        raise ConfigError(f"{name}: no checkpoint (model_<n>.pt) in it yet")
+    for run, model in zip(runs, found, strict=True):
+        if model is None:
+            print(f"left out: {run} has no checkpoint yet")
+    return [model for model in found if model is not None]
+
+
+def _pretrained(name: str) -> Path:
+    model = newest_model(PRETRAINED / name) if re.fullmatch(r"[\w.-]+", name) else None
+    if model is None:
+        known = sorted(path.name for path in PRETRAINED.iterdir() if is_run(path)) if PRETRAINED.is_dir() else []
+        raise ConfigError(f"pretrained/{name}: no such policy; there are {', '.join(known)}")
+    return model
+
+
+def is_shipped(model: Path) -> bool:
+    """Whether a checkpoint is one of those that come with the package."""
+    return PRETRAINED in model.parents
+
+
+def newest_model(run: Path) -> Path | None:
+    """The checkpoint of `run` with the most iterations, or None."""
+    models = [path for path in run.glob("model_*.pt") if re.fullmatch(r"model_\d+\.pt", path.name)]
+    return max(models, key=iteration_of, default=None)
+
+
+def iteration_of(model: Path) -> int:
+    """Number of iterations after which a checkpoint was saved, from its name."""
+    return int(model.stem.removeprefix("model_"))
+
+
+def read_config(run: Path) -> TrainConfig:
+    """The run's own configuration, checked anew; nothing in it is acted on, only taken as values. Raises ConfigError."""
+    path = run / "config.yaml"
+    values = yaml_files.read(path)
+    if not isinstance(values, dict):
+        raise ConfigError(f"{path}: not a configuration; allowed is one as posture.train writes it")
+    yaml_files.refuse_instructions(values, path)
+    return read(TrainConfig, values, str(path))
+
+
+def writable(folder: Path) -> Path:
+    """`folder`, made if need be. Raises ConfigError where nothing can be written to it, before anything was computed."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise ConfigError(f"cannot write to the folder {folder}: {error.strerror}") from None
+    return folder

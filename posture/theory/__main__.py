@@ -1,0 +1,45 @@
+"""The torque-optimal stander beside the paper's experiments: tables, and the map of its postural modes. Nothing is learned.
+
+python -m posture.theory
+python -m posture.theory env.hip_k=75 env.load=2
+python -m posture.theory -m env.hip_k=75,125 env.load=0,4
+"""
+
+from pathlib import Path
+
+from posture.analysis.coordination import write_csv
+from posture.cli import entry
+from posture.config.errors import ConfigError
+from posture.config.theory import TheoryConfig
+from posture.storage import run_dir
+
+
+def theory(config: TheoryConfig, folder: Path) -> None:
+    """Print and write the tables, and draw the map, of one stander."""
+    out = run_dir.writable(folder / "theory" if config.out is None else Path(config.out))
+    # Only now, so that bad input is answered before physics takes seconds to import.
+    from posture.theory import tables
+    from posture.theory.figures import draw_map
+    from posture.theory.program import InfeasibleError
+    from posture.theory.stander import segments
+
+    body = segments(config.env)
+    try:
+        found = tables.all_tables(body, config)
+    except InfeasibleError as error:
+        raise ConfigError(str(error)) from None
+    for table in found:
+        print(f"{table.title}\n{table.text()}\n")
+        write_csv(table.rows, out / f"{table.name}.csv")
+    draw_map(body, config, {table.name: table.rows for table in found}, out / "theory_map.png")
+    for path in sorted(out.iterdir()):
+        print(path)
+
+
+def main() -> None:
+    """The command `python -m posture.theory`."""
+    entry.run("theory", TheoryConfig, theory)
+
+
+if __name__ == "__main__":
+    main()

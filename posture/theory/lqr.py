@@ -1,0 +1,73 @@
+"""The model-based controller: the torque-optimal motion fed forward, with linear-quadratic feedback around it.
+
+What a control engineer would do who knows the body: the least-cost motion of the linear stander
+(`posture.theory.__main__.optimum.bound`)
+is planned beforehand for the frequency of each world, faded in from standing, and
+
+    tau = tau_ref(t + dt/2) - G (z - z_ref(t)),   z = (hip, ankle, their velocities),
+
+where tau_ref is the torque that the linear stander needs for the reference, and G the gain that minimises the sum over
+control steps of z' Q z + tau' R tau for the linear stander with torques held constant over a step. Q and R are diagonal, one
+over the square of the deviation that counts as much as any other (Bryson's rule); the deviations are in conf/.
+
+Soft contact lets the feet creep, by half a millimetre a second or more at 1.5 Hz. What they have crept the head makes good
+by leaning the other way: z_ref and tau_ref are shifted along the static posture that does so with the least torque.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import scipy.linalg
+
+from posture.analysis.trajectory import Array
+from posture.config.eval import LqrConfig
+from posture.theory.motion import Motion
+from posture.theory.optimum import bound, sinusoid
+from posture.theory.stander import JOINTS_OF_A_KIND, Stander
+
+
+def gain(stander: Stander, dt: float, config: LqrConfig) -> Array:
+    """Feedback gain G: torque of one joint [Nm] over deviation of (hip, ankle) [rad] and velocities [rad/s]. (2, 4)."""
+    inverse = np.linalg.inv(stander.mass)
+    still, one = np.zeros((2, 2)), np.eye(2)
+    drift = np.block([[still, one], [-inverse @ stander.stiffness, -inverse @ stander.damping]])
+    push = np.vstack([still, JOINTS_OF_A_KIND * inverse])
+    # Torques are held over a control step: the exponential of the joint system gives the exact discrete one.
+    step = scipy.linalg.expm(dt * np.block([[drift, push], [np.zeros((2, 6))]]))
+    a, b = step[:4, :4], step[:4, 4:]
+    q = np.diag([config.angle**-2] * 2 + [config.velocity**-2] * 2)
+    r = np.eye(2) * config.torque**-2
+    p = scipy.linalg.solve_discrete_are(a, b, q, r)
+    return np.asarray(np.linalg.solve(r + b.T @ p @ b, b.T @ p @ a))
+
+
+def plan(stander: Stander, freq: float, amplitude: float, tolerance: float, config: LqrConfig) -> Motion:
+    """The least-cost motion that leaves the configured margins of foot and tolerance [m] to feedback."""
+    shorter = replace(stander, heel_x=stander.heel_x + config.foot_margin, toe_x=stander.toe_x - config.foot_margin)
+    return bound(shorter, freq, amplitude, tolerance - config.tolerance_margin)
+
+
+def reference(motion: Motion, time: Array, fade_in: float) -> tuple[Array, Array, Array]:
+    """Angle [rad], velocity [rad/s] and torque of one joint [Nm] of `motion`, faded in from upright over `fade_in` [s].
+
+    time: (T,) [s]. Shapes (T, 2). The fade is the quintic with zero velocity and acceleration at both ends, and the torque
+    is what the linear stander needs for the faded motion.
+    """
+    x = np.clip(time / fade_in, 0.0, 1.0)[:, None]
+    share = x**3 * (10 - 15 * x + 6 * x**2)
+    slope = 30 * x**2 * (1 - x) ** 2 / fade_in
+    curve = 60 * x * (1 - x) * (1 - 2 * x) / fade_in**2
+    q, v, a = motion.angle(time), motion.velocity(time), motion.acceleration(time)
+    angle, velocity = share * q, slope * q + share * v
+    acceleration = curve * q + 2 * slope * v + share * a
+    plant = motion.stander
+    moment = acceleration @ plant.mass.T + velocity @ plant.damping.T + angle @ plant.stiffness.T + plant.offset
+    return angle, velocity, moment / JOINTS_OF_A_KIND
+
+
+def lean(stander: Stander) -> tuple[Array, Array]:
+    """Angles of (hip, ankle) [rad/m] and torques of one joint [Nm/m] by which the head is held further forward, still, with
+    the least torque, per metre. Shapes (2,)."""
+    still = np.zeros(1)
+    here, ahead = (sinusoid(stander, 1.0, 0.0, offset) for offset in (0.0, 1.0))
+    return (ahead.angle(still) - here.angle(still))[0], (ahead.torque(still) - here.torque(still))[0]

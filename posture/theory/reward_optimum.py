@@ -1,0 +1,117 @@
+"""The motion that the configured reward asks of the linear stander: a local optimum, reached from the least-torque bound.
+
+Of the reward (envs/task/rewards.py) with the feet still, what depends on the motion is beta R_target + gamma (R_energy +
+R_torque). Over -gamma and the unit of R_torque, the cost to make small is the mean over time of
+
+    sum over joints (a^2 + e |a omega|) - b / (1 + k d^2),
+
+with a the normalised torque, omega [rad/s], d [m] the head's distance from its target, and e, b as `RewardTerms` reads them
+from the reward functions. Neither the energy term nor the closeness is convex. Both are made small by majorisation and
+minimisation: with r = |omega| / |a| and d' those of the last motion,
+
+    |a omega| <= (r a^2 + omega^2 / r) / 2,   -1 / (1 + k d^2) <= const + k d^2 / (1 + k d'^2)^2,
+
+and there is equality at the last motion, so that a convex program with the right-hand sides
+(`posture.theory.__main__.program`) never raises
+the cost.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from envs.config import EnvConfig
+from envs.task import rewards
+from posture.analysis.trajectory import Array
+from posture.theory.motion import Motion, joint_arrays
+from posture.theory.program import Program
+from posture.theory.stander import JOINTS_OF_A_KIND, Stander
+
+MAX_ITERATIONS = 200
+"""Convex programs on the way; it takes some 10 to 60."""
+CONVERGED = 1e-5
+"""The relative fall of the cost in one of them that ends it."""
+SMOOTHING = 1e-2
+"""|x| is taken as sqrt(x^2 + s^2), s this share of the root mean square of x: at a bare kink an iterate would stick."""
+
+
+@dataclass(frozen=True)
+class RewardTerms:
+    """Weights of the reward over that of squared normalised torque; schedules count with their final value.
+
+    energy: e [s/rad] of |a omega|. target: b [-] of the closeness to the target; sharpness: k [1/m2].
+    """
+
+    energy: float
+    target: float
+    sharpness: float
+
+    @classmethod
+    def of(cls, config: EnvConfig) -> RewardTerms:
+        """Read from `config` and envs/task/rewards.py. Raises ValueError where the reward has no weight on torques."""
+        one = torch.ones(1, 1, dtype=torch.float64)
+        energy, torque = (-float(term) for term in _effort(config.torque_limit * one, one, config))
+        gamma = rewards.weight(config.energy_weight, sys.maxsize)
+        if gamma == 0:
+            raise ValueError("energy_weight is 0: every torque is as good as any other")
+        beta = rewards.weight(config.reward.target_weight, sys.maxsize)
+        return cls(energy / torque, beta / (gamma * torque), config.reward.target_sharpness)
+
+
+def reward_optimum(stander: Stander, freq: float, config: EnvConfig, tolerance: float) -> Motion:
+    """A motion within the limits of `optimum.bound` at `freq` [Hz] that no small change makes better by the reward.
+
+    Raises InfeasibleError where no motion keeps the limits, ValueError where the reward has no weight on torques.
+    """
+    terms = RewardTerms.of(config)
+    program = Program(stander, freq, config.amplitude, tolerance)
+    unknowns, before = program.least_torque(), math.inf
+    for _ in range(MAX_ITERATIONS):
+        torque = program.torque @ unknowns + program.torque_offset
+        velocity = program.velocity @ unknowns
+        closeness = 1.0 / (1.0 + terms.sharpness * (program.head @ unknowns - program.target) ** 2)
+        size, speed = _smooth_abs(torque), _smooth_abs(velocity)
+        cost = float(
+            JOINTS_OF_A_KIND * np.mean((torque**2 + terms.energy * size * speed).sum(axis=1))
+            - terms.target * np.mean(closeness)
+        )
+        if before - cost <= CONVERGED * abs(cost):
+            break
+        before, ratio = cost, speed / size
+        # Square roots of the weights of a^2, omega^2 and d^2 at each instant.
+        on_torque = np.sqrt(JOINTS_OF_A_KIND * (1.0 + terms.energy * ratio / 2))
+        on_velocity = np.sqrt(JOINTS_OF_A_KIND * terms.energy / ratio / 2)
+        on_miss = math.sqrt(terms.target * terms.sharpness) * closeness
+        rows = [on_torque[..., None] * program.torque, on_velocity[..., None] * program.velocity]
+        unknowns = program.least_squares(
+            np.concatenate([*(part.reshape(-1, len(unknowns)) for part in rows), on_miss[:, None] * program.head]),
+            np.concatenate(
+                [(-on_torque * program.torque_offset).ravel(), np.zeros(velocity.size), on_miss * program.target]
+            ),
+        )
+    return program.motion(unknowns)
+
+
+def reward_terms(motion: Motion, config: EnvConfig) -> tuple[float, float]:
+    """R_energy and R_torque (paper Eq. 9, 10) as `config` reads them: means over a cycle of what one control step gives."""
+    torque, velocity = (torch.from_numpy(array) for array in joint_arrays(motion))
+    energy, effort = _effort(torque, velocity, config)
+    return float(energy.mean()), float(effort.mean())
+
+
+def _effort(torque: torch.Tensor, velocity: torch.Tensor, config: EnvConfig) -> tuple[torch.Tensor, torch.Tensor]:
+    """R_energy and R_torque of torques [Nm] and velocities [rad/s], (N, joints) -> (N,), in the units of `config`."""
+    action = torque / config.torque_limit
+    energy = rewards.energy(torque, velocity, config.reward.energy_unit, config.torque_limit, config.control_dt)
+    return energy, rewards.torque_squared(torque if config.reward.torque_unit == "newton_metre" else action)
+
+
+def _smooth_abs(x: Array) -> Array:
+    """|x| (S, 2) without its kink, joint by joint; positive unless a joint has nothing at all."""
+    scale = np.sqrt(np.mean(x**2, axis=0, keepdims=True))
+    return np.asarray(np.sqrt(x**2 + (SMOOTHING * scale) ** 2) + np.finfo(float).tiny)

@@ -1,0 +1,177 @@
+"""Ramp indices of signals whose phase is known; the running correlation against NumPy's own, window by window."""
+
+import math
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+
+from envs.task import target
+from posture.analysis.ramp import ramp_frequency, ramp_transition, window_correlation
+
+DT = 1 / 60
+TIME = np.arange(1500) * DT  # 25 s
+RATE, WINDOW = 0.036, 300  # paper Exp. 4a
+
+
+def wave(freq: float, phase: float = 0.0) -> np.ndarray:
+    return np.cos(2 * math.pi * freq * TIME + phase)
+
+
+# --- frequency
+
+
+def test_frequency_by_hand() -> None:
+    # 0.1 + 0.036 x 10 = 0.46 Hz after 10 s; it holds at 0.1 + 0.036 x 25 = 1 Hz.
+    assert ramp_frequency([0.0, 10.0, 25.0, 40.0], 0.1, RATE, 25.0) == pytest.approx([0.1, 0.46, 1.0, 1.0])
+
+
+def test_frequency_is_that_of_the_target_in_the_simulation() -> None:
+    time = torch.arange(0, 30, 0.01, dtype=torch.float64)
+    start, rate, duration = (torch.full_like(time, x) for x in (0.2, RATE, 25.0))
+    cycles = target.phase(time, start, rate, duration).numpy() / (2 * math.pi)
+    # The derivative by central differences, exact for a parabola; it is not where the ramp ends.
+    inside = abs(time.numpy()[1:-1] - 25.0) > 0.011
+    expected = ((cycles[2:] - cycles[:-2]) / 0.02)[inside]
+    assert ramp_frequency(time.numpy(), 0.2, RATE, 25.0)[1:-1][inside] == pytest.approx(expected, abs=1e-9)
+
+
+# --- running correlation
+
+
+@pytest.mark.parametrize("centred", [True, False])
+@pytest.mark.parametrize("steps", [2, 7, 40])
+@given(seed=st.integers(0, 1000), offset=st.floats(-1e3, 1e3))
+def test_every_window_is_numpys(steps: int, centred: bool, seed: int, offset: float) -> None:
+    draw = np.random.default_rng(seed)
+    a = offset + draw.normal(size=60).cumsum()
+    b = 0.3 * a + draw.normal(size=60)
+    found = window_correlation(a, b, steps, centred=centred)
+    for i, value in enumerate(found):
+        start = i - steps // 2 if centred else i - steps + 1
+        if start < 0 or start + steps > 60:
+            assert math.isnan(value)
+        else:
+            expected = np.corrcoef(a[start : start + steps], b[start : start + steps])[0, 1]
+            assert value == pytest.approx(expected, abs=1e-7)
+
+
+def test_a_small_motion_far_from_zero_does_not_cancel() -> None:
+    # 1 part in 10 million of the offset: with sums of squares carried along, nothing would be left of it.
+    hip, ankle = 1.0 + 1e-7 * wave(1.0), 1.0 - 1e-7 * wave(1.0)
+    assert np.nanmax(abs(window_correlation(hip, ankle, WINDOW, centred=False) + 1)) < 1e-8
+
+
+@pytest.mark.parametrize("phase", [0.0, 1.0, math.pi / 2, 2.5, math.pi])
+def test_of_two_sinusoids_it_is_the_cosine_of_their_phase(phase: float) -> None:
+    # Over whole cycles: 300 steps are five of 1 Hz.
+    r = window_correlation(-0.1 + wave(1.0, phase), 0.3 * wave(1.0), WINDOW, centred=True)
+    assert r[150:1351] == pytest.approx(np.full(1201, math.cos(phase)), abs=1e-9)
+    assert np.isnan(r[:150]).all()
+    assert np.isnan(r[1351:]).all()
+
+
+@pytest.mark.parametrize(("centred", "lag"), [(True, 0.0), (False, 2.5)])
+def test_trailing_lags_by_half_a_window(centred: bool, lag: float) -> None:
+    # In-phase up to 12 s, anti-phase from there: r is zero where half of the window, 2.5 s, lies on either side.
+    hip = wave(1.0) * np.where(TIME < 12.0, 1.0, -1.0)
+    r = window_correlation(hip, wave(1.0), WINDOW, centred=centred)
+    change = TIME[np.flatnonzero(r > 0)[-1]]
+    assert change == pytest.approx(12.0 + lag, abs=2 * DT)
+    found = ramp_transition(ramp_frequency(TIME, 0.0, RATE, 25.0), r)
+    assert found.freq_hz == pytest.approx(RATE * (12.0 + lag), abs=RATE * 2 * DT)
+    assert found.crossings == 1
+
+
+def test_a_joint_that_hardly_moves_has_no_correlation() -> None:
+    # The ankle moves by +-0.5 deg for 10 s and by +-0.05 deg after.
+    ankle = np.radians(np.where(TIME < 10.0, 0.5, 0.05)) * wave(1.0)
+    r = window_correlation(wave(1.0), ankle, WINDOW, centred=False, still_rad=math.radians(0.3))
+    assert np.isnan(r[:299]).all()
+    assert np.isfinite(r[299:600]).all()
+    # 5 s later nothing but the small motion is in the window.
+    assert np.isnan(r[900:]).all()
+    assert np.isfinite(window_correlation(wave(1.0), ankle, WINDOW, centred=False)[299:]).all()
+    assert np.isnan(window_correlation(wave(1.0), np.full(1500, 0.2), WINDOW, centred=False)).all()
+
+
+def test_a_gap_spoils_only_the_windows_over_it() -> None:
+    hip = wave(1.0)
+    hip[700] = math.nan
+    r = window_correlation(hip, wave(1.0), WINDOW, centred=False)
+    assert np.flatnonzero(np.isfinite(r)).tolist() == [*range(299, 700), *range(1000, 1500)]
+
+
+def test_a_trial_shorter_than_the_window() -> None:
+    assert np.isnan(window_correlation(wave(1.0)[:299], wave(1.0)[:299], WINDOW, centred=True)).all()
+    assert np.isfinite(window_correlation(wave(1.0)[:300], wave(1.0)[:300], WINDOW, centred=False)).sum() == 1
+
+
+def test_bad_input_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"hip has shape \(3,\), ankle \(2,\)"):
+        window_correlation([1.0, 2.0, 3.0], [1.0, 2.0], 2, centred=True)
+    with pytest.raises(ValueError, match="window_steps is 1"):
+        window_correlation([1.0, 2.0], [1.0, 2.0], 1, centred=True)
+    with pytest.raises(ValueError, match=r"freq_t has shape \(2,\), r \(1,\)"):
+        ramp_transition([0.1, 0.2], [1.0])
+
+
+# --- transition
+
+
+def test_transition_by_hand() -> None:
+    # From 0.6 to -0.2 between 0.4 and 0.6 Hz: three quarters of the way, 0.55 Hz.
+    assert ramp_transition([0.2, 0.4, 0.6, 0.8], [0.9, 0.6, -0.2, -0.9]) == (pytest.approx(0.55), 1)
+
+
+def test_the_last_change_to_anti_phase_counts() -> None:
+    # Noise at the start (down at 0.15 Hz, up at 0.25 Hz), then the transition at 0.65 Hz.
+    freq = [0.1, 0.2, 0.3, 0.6, 0.7]
+    assert ramp_transition(freq, [0.5, -0.5, 0.5, 0.5, -0.5]) == (pytest.approx(0.65), 3)
+    # Back in-phase at the end: the last change to anti-phase is the first, and the second crossing is counted.
+    assert ramp_transition(freq, [0.5, 0.5, -0.5, -0.5, 0.5]) == (pytest.approx(0.25), 2)
+
+
+def test_no_transition() -> None:
+    freq = [0.1, 0.2, 0.3]
+    assert ramp_transition(freq, [0.5, 0.4, 0.3]) == (None, 0)
+    assert ramp_transition(freq, [-0.5, -0.4, 0.3]) == (None, 1)
+    assert ramp_transition(freq, [math.nan] * 3) == (None, 0)
+    assert ramp_transition([], []) == (None, 0)
+
+
+def test_nan_and_zero() -> None:
+    nan = math.nan
+    # Over a gap the line runs from neighbour to neighbour; a zero is where it is.
+    assert ramp_transition([0.1, 0.2, 0.3, 0.4], [nan, 0.5, nan, -0.5]) == (pytest.approx(0.3), 1)
+    assert ramp_transition([0.1, 0.2, 0.3, 0.4], [0.5, 0.0, 0.0, -0.5]) == (pytest.approx(0.2), 1)
+    assert ramp_transition([0.1, 0.2, 0.3], [0.5, 0.0, 0.5]) == (None, 0)
+
+
+def test_only_the_ramp_counts() -> None:
+    # The frequency holds from 0.3 Hz on, where a sign change says nothing about frequency.
+    assert ramp_transition([0.1, 0.2, 0.3, 0.3, 0.3], [0.5, 0.5, 0.4, -0.4, -0.5]) == (None, 0)
+
+
+@given(st.floats(0.1, 0.8))
+def test_transition_of_a_straight_line(zero: float) -> None:
+    freq = ramp_frequency(TIME, 0.0, RATE, 25.0)
+    assert ramp_transition(freq, zero - freq) == (pytest.approx(zero), 1)
+
+
+def test_a_ramp_of_known_phase() -> None:
+    """Motion at the rising frequency, the hip lagging by 90 deg x f / 0.5 Hz: at 0.5 Hz the correlation is zero."""
+    freq = ramp_frequency(TIME, 0.0, RATE, 25.0)
+    angle = 2 * math.pi * 0.5 * RATE * TIME**2
+    hip, ankle = np.cos(angle - math.pi / 2 * freq / 0.5), np.cos(angle)
+    centred, trailing = (
+        ramp_transition(freq, window_correlation(hip, ankle, WINDOW, centred=c)).freq_hz for c in (True, False)
+    )
+    assert centred is not None
+    assert trailing is not None
+    # A window of 5 s holds 2.5 cycles there, and what is left of a half cycle shifts the zero a little.
+    assert centred == pytest.approx(0.5, abs=0.04)
+    # Half a window is 2.5 s x 0.036 Hz/s = 0.09 Hz.
+    assert trailing - centred == pytest.approx(0.09, abs=0.001)

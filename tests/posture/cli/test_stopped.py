@@ -1,0 +1,330 @@
+"""Trainings stopped by a signal, a kill or a full disk: what was saved stays whole, and resume goes on exactly."""
+
+import contextlib
+import errno
+import fcntl
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from posture.cli.sweep import status
+from posture.learning import policy
+from posture.storage import atomic, checkpoint, run_dir
+from posture.storage.lock import is_busy
+from tests.commands import TINY, call, refused
+from tests.posture.cli.test_entry import same
+
+PLAIN = [*TINY, "evaluate=false", "env.num_envs=16"]
+FOREVER = "max_iterations=1000000"
+LIMIT_S = 180
+"""On a busy machine two processes take half a minute to start."""
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@contextlib.contextmanager
+def started(*arguments):
+    """`python -m posture.train arguments`, the leader of a process group of its own, as a shell starts it."""
+    command = [sys.executable, "-m", "posture.train", *arguments]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+def wait_for(what, process):
+    deadline = time.monotonic() + LIMIT_S
+    while not (found := what()):
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < deadline, "the training does not get there"
+        time.sleep(0.02)
+    return found
+
+
+def saved(run, iterations=1):
+    """Whether `run` can go on from at least so many iterations."""
+    return (run / "resume.pt").exists() and checkpoint.load(run / "resume.pt", "cpu")["iteration"] >= iterations
+
+
+def train(*arguments):
+    done = subprocess.run(
+        [sys.executable, "-m", "posture.train", *arguments], capture_output=True, text=True, timeout=LIMIT_S
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def timeless(run):
+    """What resume.pt of `run` holds, without how long the training took."""
+    state = checkpoint.load(run / "resume.pt", "cpu")
+    for process in state["processes"]:
+        del process["logger"]["tot_time"]
+    return state
+
+
+def equal(one, other, iterations):
+    """Whether two runs have the same policy, value function, optimiser and state for a resume."""
+    models = [checkpoint.load(run / f"model_{iterations}.pt", "cpu") for run in (one, other)]
+    return same(*models) and same(timeless(one), timeless(other))
+
+
+def steps(run):
+    """Iterations that the TensorBoard files of `run` tell of, in order."""
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    return [
+        event.step
+        for path in sorted(run.glob("events.out.*"), key=lambda path: path.stat().st_mtime_ns)
+        for event in EventAccumulator(str(path)).Reload().Scalars("/cost")
+    ]
+
+
+# -- signals -------------------------------------------------------------------------------------------------------------
+
+
+def stop_and_go_on(number, processes, to_all):
+    """Stop a training by a signal, go on for two iterations, and compare with one that never stopped."""
+    shared = [*PLAIN, f"processes={processes}", "agent.save_interval=1000000"]
+    run = Path("stopped")
+    with started(*shared, FOREVER, f"hydra.run.dir={run}") as process:
+        wait_for(lambda: list(run.glob("events.out.*")), process)
+        time.sleep(1.0)
+        (os.killpg if to_all else os.kill)(process.pid, number)
+        out, err = process.communicate(timeout=LIMIT_S)
+    assert process.returncode == 128 + number, err
+    assert "Traceback" not in out + err and "stopped after iteration" in out
+    assert not is_busy(run)
+    (model,) = run.glob("model_*.pt")  # the one of the stop, since no other was due
+    done = run_dir.iteration_of(model)
+    assert policy.iterations_done(run) == done and steps(run) == list(range(done))
+    train(f"resume={run}", f"max_iterations={done + 2}")
+    train(*shared, f"max_iterations={done + 2}", "hydra.run.dir=whole")
+    assert equal(run, Path("whole"), done + 2)
+    assert steps(run) == steps(Path("whole")) == list(range(done + 2))
+
+
+def test_a_signal_ends_the_iteration_and_saves():
+    stop_and_go_on(signal.SIGTERM, 1, to_all=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "to_all"), [(signal.SIGINT, True), (signal.SIGTERM, True), (signal.SIGTERM, False)])
+def test_a_signal_stops_both_processes_after_the_same_iteration(number, to_all):
+    stop_and_go_on(number, 2, to_all)
+
+
+def test_a_second_signal_ends_at_once_and_what_is_saved_stays():
+    run = Path("twice")
+    train(*PLAIN, "max_iterations=1", f"hydra.run.dir={run}")
+    kept = {path: path.read_bytes() for path in run.glob("*.pt")}
+    # Of a run whose iterations do not end by themselves.
+    config = (run / "config.yaml").read_text()
+    (run / "config.yaml").write_text(config.replace("num_steps_per_env: 4", "num_steps_per_env: 100000"))
+    with started(f"resume={run}", FOREVER) as process:
+        wait_for(lambda: len(list(run.glob("events.out.*"))) == 2, process)
+        time.sleep(1.0)
+        process.send_signal(signal.SIGINT)
+        time.sleep(1.0)
+        assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=LIMIT_S)
+    assert process.returncode == 130 and "Traceback" not in err and "a second signal ends at once" in err
+    assert kept == {path: path.read_bytes() for path in run.glob("*.pt")}
+
+
+@pytest.mark.parametrize(
+    ("number", "to_all", "moment"), [(signal.SIGINT, True, 0.0), (signal.SIGINT, True, 5.0), (signal.SIGKILL, False, 5.0)]
+)
+def test_the_end_before_the_first_iteration(number, to_all, moment):
+    """Two processes, of which the second is still being started: none is left, and none says that it broke."""
+    with started(*PLAIN, FOREVER, "processes=2", "hydra.run.dir=early") as process:
+        wait_for(lambda: Path("early/.lock").exists(), process)
+        time.sleep(moment)
+        (os.killpg if to_all else os.kill)(process.pid, number)
+        _, err = process.communicate(timeout=LIMIT_S)
+        assert process.returncode == (130 if number == signal.SIGINT else -signal.SIGKILL)
+        assert "Traceback" not in err, err
+        with pytest.raises(ProcessLookupError):
+            wait_until_gone(process.pid)
+
+
+def wait_until_gone(group):
+    for _ in range(500):
+        os.killpg(group, 0)
+        time.sleep(0.02)
+
+
+def test_a_sweep_stops_with_its_job_saved():
+    sweep = ["-m", "experiment=energy", *PLAIN, "env.energy_weight=0,5", "seed=1", "agent.save_interval=1000000"]
+    with started(*sweep, FOREVER) as process:
+        wait_for(lambda: list(Path("runs/energy").glob("*/events.out.*")), process)
+        time.sleep(1.0)
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=LIMIT_S)
+    assert process.returncode == 130 and "Traceback" not in out + err, err
+    (job,) = run_dir.runs_in(Path("runs/energy"))  # the second never began
+    assert status(job)["state"] == "running" and not is_busy(job)
+    assert policy.iterations_done(job) == run_dir.iteration_of(run_dir.newest_model(job))
+
+
+# -- resume, and a job of a sweep ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("processes", [1, 2])
+def test_two_starts_are_one(processes):
+    """Real processes: two iterations and two more equal four, and TensorBoard has each once."""
+    shared = [*PLAIN, f"processes={processes}"]
+    train(*shared, "max_iterations=2", "hydra.run.dir=parts")
+    train("resume=parts", "max_iterations=4")
+    train(*shared, "max_iterations=4", "hydra.run.dir=whole")
+    assert equal(Path("parts"), Path("whole"), 4)
+    assert steps(Path("parts")) == steps(Path("whole")) == [0, 1, 2, 3]
+
+
+def test_a_job_of_a_sweep_is_the_job_alone(monkeypatch):
+    """The second job of a sweep, in a process that has trained another before, and the same in a process of its own."""
+    call(monkeypatch, "train", "-m", *PLAIN, "env.hip_k=50,150", "seed=3", "hydra.sweep.dir=sweep")
+    _, job = run_dir.runs_in(Path("sweep"))
+    train(*PLAIN, "env.hip_k=150", "seed=3", "hydra.run.dir=alone")
+    assert equal(job, Path("alone"), 2)
+    assert not equal(run_dir.runs_in(Path("sweep"))[0], Path("alone"), 2)
+
+
+# -- kills and full disks ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("processes", [1, 2])
+def test_kills_at_random_moments(processes):
+    """After each kill the newest checkpoint loads, nothing is left running or locked, and the training goes on."""
+    moments, run = random.Random(processes), Path("killed")
+    train(*PLAIN, f"processes={processes}", "max_iterations=1", f"hydra.run.dir={run}")
+    for _ in range(6):
+        before = policy.iterations_done(run)
+        with started(f"resume={run}", FOREVER) as process:
+            wait_for(lambda before=before: saved(run, before + 1), process)
+            time.sleep(moments.uniform(0.0, 0.3))
+            process.kill()
+            process.wait()
+            with pytest.raises(ProcessLookupError):
+                wait_until_gone(process.pid)
+        assert not is_busy(run)
+        done, newest = policy.iterations_done(run), run_dir.newest_model(run)
+        assert done > before and checkpoint.load(newest, "cpu")["iter"] == run_dir.iteration_of(newest) >= done
+    done = policy.iterations_done(run)
+    train(f"resume={run}", f"max_iterations={done + 1}")
+    train(
+        *PLAIN, f"processes={processes}", f"max_iterations={done + 1}", "agent.save_interval=1000000", "hydra.run.dir=whole"
+    )
+    assert equal(run, Path("whole"), done + 1)
+    assert not list(run.glob(".*.tmp"))
+
+
+@pytest.fixture
+def begun(monkeypatch):
+    """A run of two iterations, and what is in it."""
+    run = Path("begun")
+    call(monkeypatch, "train", *PLAIN, f"hydra.run.dir={run}")
+    return run
+
+
+class Cut(BaseException):
+    """The moment at which a process is killed."""
+
+
+@pytest.mark.parametrize("name", ["model_3.pt", "resume.pt"])
+@pytest.mark.parametrize("moment", ["before the file is renamed", "before the file is written", "after it is renamed"])
+def test_a_save_cut_short_anywhere(begun, monkeypatch, name, moment):
+    """What a kill there leaves: the run goes on from what resume.pt tells, exactly."""
+    with monkeypatch.context() as patch:
+        replace, write = os.replace, Path.write_bytes
+
+        def cut_replace(source, target):
+            if Path(target).name == name and "before" in moment:
+                raise Cut
+            replace(source, target)
+            if Path(target).name == name:
+                raise Cut
+
+        def cut_write(path, content):
+            if "written" in moment and path.name.startswith(f".{name}."):
+                write(path, content[: len(content) // 2])
+                raise Cut
+            return write(path, content)
+
+        patch.setattr(os, "replace", cut_replace)
+        patch.setattr(Path, "write_bytes", cut_write)
+        patch.setattr(Path, "unlink", lambda *_, **__: None)  # a killed process tidies nothing up
+        with pytest.raises(Cut):
+            call(patch, "train", f"resume={begun}", "max_iterations=4")
+    done = 3 if (name, moment) == ("resume.pt", "after it is renamed") else 2
+    assert policy.iterations_done(begun) == done
+    strays = list(begun.glob(".*.tmp"))
+    assert bool(strays) == ("before" in moment) and run_dir.newest_model(begun) not in strays
+    call(monkeypatch, "train", f"resume={begun}", "max_iterations=4")
+    call(monkeypatch, "train", *PLAIN, "max_iterations=4", "hydra.run.dir=whole")
+    assert equal(begun, Path("whole"), 4) and not list(begun.glob(".*.tmp"))
+
+
+def test_strays_are_no_checkpoints_and_go_at_the_next_start(begun, monkeypatch):
+    stray, mine = begun / ".model_9.pt.12345.tmp", begun / ".mine.tmp"
+    stray.write_bytes(b"half")
+    mine.write_bytes(b"somebody else's")
+    assert run_dir.newest_model(begun).name == "model_2.pt"
+    call(monkeypatch, "train", f"resume={begun}", "max_iterations=3")
+    assert not stray.exists() and mine.exists()
+
+
+def test_a_busy_run_is_not_tidied(begun, monkeypatch, capsys):
+    """What another process is writing is not a stray."""
+    (begun / ".model_9.pt.12345.tmp").write_bytes(b"half")
+    with (begun / ".lock").open("ab") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        assert "another process" in refused(monkeypatch, capsys, "train", f"resume={begun}", "max_iterations=3")
+    assert (begun / ".model_9.pt.12345.tmp").exists()
+
+
+@pytest.mark.parametrize("name", ["model_3.pt", "resume.pt"])
+def test_a_full_disk_is_one_line_and_costs_nothing_saved(begun, monkeypatch, capfd, name):
+    kept = {path: path.read_bytes() for path in begun.glob("*.pt")}
+    write = Path.write_bytes
+
+    def full(path, content):
+        if name in path.name:
+            write(path, content[:100])
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(path, content)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "write_bytes", full)
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as stop:
+            call(patch, "train", f"resume={begun}", "max_iterations=4")
+    assert stop.value.code == 1
+    assert capfd.readouterr().err.strip() == f"error: {begun.absolute() / name}: No space left on device"
+    assert {path: path.read_bytes() for path in kept} == kept
+    assert policy.iterations_done(begun) == 2 and not list(begun.glob(".*.tmp"))
+    call(monkeypatch, "train", f"resume={begun}", "max_iterations=4")
+    assert policy.iterations_done(begun) == 4
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_the_systems_own_answer_of_a_full_disk(tmp_path, monkeypatch):
+    """By a device that is always full: the error names the file that was to be written."""
+    monkeypatch.setattr(atomic.os, "getpid", lambda: 1)
+    (tmp_path / ".model_1.pt.1.tmp").symlink_to("/dev/full")
+    with pytest.raises(OSError, match="No space left on device") as full:
+        checkpoint.save({"iter": 1}, tmp_path / "model_1.pt")
+    assert full.value.filename == str(tmp_path / "model_1.pt") and list(tmp_path.iterdir()) == []

@@ -1,0 +1,168 @@
+"""Sweeps that go on, name what failed, and know what is done: real ones of tiny size, under each launcher."""
+
+import re
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+from joblib.externals.loky import get_reusable_executor
+
+from posture.cli.jobs import Job, check
+from posture.cli.sweep import Standing, guarded, progress, status
+from posture.config.train import TrainConfig
+from posture.storage import checkpoint, run_dir
+from tests.commands import TINY, call, refused, table
+from tests.conftest import compose
+
+SWEEP = ["-m", "experiment=energy", *TINY, "env.energy_weight=0,5", "seed=1", "evaluation.freq=[0.5]"]
+JOBLIB = ["hydra/launcher=joblib", "hydra.launcher.n_jobs=2"]
+SUBMITIT = ["hydra/launcher=submitit_local", "hydra.launcher.timeout_min=5"]
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    yield
+    get_reusable_executor().shutdown()  # joblib keeps its processes, which are still in this test's folder
+
+
+def folders(arguments=SWEEP):
+    return [job.folder for job in check("train", TrainConfig, arguments).jobs]
+
+
+def models():
+    return {path: path.stat().st_mtime_ns for path in Path("runs").rglob("model_*.pt")}
+
+
+@pytest.mark.parametrize("launcher", [[], JOBLIB, SUBMITIT], ids=["basic", "joblib", "submitit"])
+def test_a_sweep_under_each_launcher(monkeypatch, capsys, launcher):
+    """Each job gets the folder that was known beforehand; a second start trains nothing."""
+    call(monkeypatch, "train", *SWEEP, *launcher)
+    assert "sweep: 2 of 2 jobs done" in capsys.readouterr().out
+    assert sorted(path for path in Path("runs/energy").iterdir() if path.is_dir() and path.name[0] != ".") == sorted(
+        folders()
+    )
+    for folder in folders():
+        assert (folder / "model_2.pt").exists() and (folder / "evaluation" / "metrics.csv").exists()
+        assert status(folder)["state"] == "done"
+    before = models()
+    call(monkeypatch, "train", *SWEEP, *launcher)
+    assert "2 of 2 jobs done, 2 of them before" in capsys.readouterr().out
+    assert models() == before
+
+
+def test_what_is_missing_is_done_and_the_rest_left(monkeypatch, capsys):
+    """A job cut short goes on from its last checkpoint; one that never began begins."""
+    call(monkeypatch, "train", *SWEEP, "env.energy_weight=5")
+    (folder,) = folders([*SWEEP, "env.energy_weight=5"])
+    whole = (folder / "model_2.pt").read_bytes()
+    (folder / "model_2.pt").unlink()
+    (folder / "status.yaml").write_text("state: running\n")
+    resume = checkpoint.load(folder / "resume.pt", "cpu")
+    assert resume["iteration"] == 2
+    call(monkeypatch, "train", *[a for a in SWEEP if "max_iterations" not in a], "max_iterations=1", "env.energy_weight=5")
+    (shorter,) = [path for path in Path("runs/energy").iterdir() if path.is_dir() and path != folder]
+    for name in ("resume.pt", "model_1.pt"):
+        (folder / name).write_bytes((shorter / name).read_bytes())  # as a kill after the first iteration leaves it
+    capsys.readouterr()
+    call(monkeypatch, "train", *SWEEP)
+    assert "sweep: 2 of 2 jobs done" in capsys.readouterr().out
+    ours = checkpoint.load(folder / "model_2.pt", "cpu")["actor_state_dict"]
+    (folder / "whole.pt").write_bytes(whole)
+    theirs = checkpoint.load(folder / "whole.pt", "cpu")["actor_state_dict"]
+    assert all((ours[name] == theirs[name]).all() for name in theirs)
+    assert len(yaml.safe_load((folder / "provenance.yaml").read_text())) == 2
+
+
+@pytest.mark.parametrize("launcher", [[], JOBLIB], ids=["basic", "joblib"])
+def test_a_failing_job_stops_no_other_and_is_named(monkeypatch, capsys, launcher):
+    broken, sound = folders()
+    (broken / "provenance.yaml").mkdir(parents=True)  # so that it cannot be written
+    with pytest.raises(SystemExit) as stop:
+        call(monkeypatch, "train", *SWEEP, *launcher)
+    told = capsys.readouterr()
+    assert stop.value.code == 1
+    assert "sweep: 1 of 2 jobs done" in told.out
+    assert re.search(rf"failed: .*{broken.name}: .*provenance.yaml: cannot be read .*Is a directory", told.out)
+    assert "Traceback" in (broken / "error.txt").read_text() and "Traceback" not in told.out + told.err
+    assert (sound / "model_2.pt").exists() and not (sound / "error.txt").exists()
+    (broken / "provenance.yaml").rmdir()
+    before = models()
+    call(monkeypatch, "train", *SWEEP, *launcher)
+    assert "2 of 2 jobs done, 1 of them before" in capsys.readouterr().out
+    assert not (broken / "error.txt").exists() and before.items() <= models().items()
+
+
+def test_two_by_two_of_the_grid(monkeypatch):
+    arguments = ["-m", "experiment=grid", *TINY, "env.freq=0.2,0.5", "env.hip_k=50,150", "max_iterations=1"]
+    arguments = [argument for argument in arguments if "evaluation.freq" not in argument]
+    call(monkeypatch, "train", *arguments)
+    rows = [table(job / "evaluation" / "metrics.csv") for job in run_dir.runs_in(Path("runs/grid"))]
+    cells = {(float(row["freq_hz"]), float(row["hip_k_nm_per_rad"])) for (row,) in rows}
+    assert cells == {(0.2, 50.0), (0.2, 150.0), (0.5, 50.0), (0.5, 150.0)}
+
+
+def test_a_wrong_value_is_refused_before_the_first_job(monkeypatch, capsys):
+    assert "env.energy_weight = -5" in refused(monkeypatch, capsys, "train", *SWEEP, "env.energy_weight=5,-5")
+    assert not Path("runs").exists()
+    assert "experiment/speed" in refused(monkeypatch, capsys, "train", "-m", "experiment=speed")
+
+
+def test_the_policies_of_a_sweep_in_every_experiment(monkeypatch, capsys):
+    """Experiments without training take the policies of another and write into their own folder; done again, they read."""
+    quick = [argument for argument in TINY if not argument.startswith("evaluation.freq")]
+    call(monkeypatch, "train", "-m", "experiment=frequency", *quick, "seed=1,2", "evaluation.freq=[0.5]")
+    evaluation = [argument for argument in quick if argument.startswith("evaluation")]
+    for experiment, name in (("load", "load-4"), ("ramp", "job")):
+        change = ["env.load=0,4"] if experiment == "load" else []
+        call(monkeypatch, "eval", "-m", f"experiment={experiment}", "ckpt=runs/frequency", *change, *evaluation)
+        rows = table(Path("runs", experiment, name, "metrics.csv"))
+        assert [row["seed"] for row in rows] == ["1", "2"]
+    assert {"transition_centred_hz", "crossings_trailing"} <= rows[0].keys() and rows[0]["freq_hz"] == "nan"
+    assert [row["load_kg"] for row in table(Path("runs/load/load-4/metrics.csv"))] == ["4", "4"]
+    capsys.readouterr()
+    call(monkeypatch, "eval", "-m", "experiment=load", "ckpt=runs/frequency", "env.load=4", *evaluation)
+    assert capsys.readouterr().out.count("evaluated before") == 2
+
+
+# -- how far it is ---------------------------------------------------------------------------------------------------
+
+
+def job_with(folder, iterations=None, state=None):
+    folder.mkdir()
+    if iterations is not None:
+        (folder / f"model_{iterations}.pt").touch()
+    if state is not None:
+        (folder / "status.yaml").write_text(f"state: {state}\n")
+    return Job(compose(), folder)
+
+
+def test_progress_is_that_of_the_newest_checkpoint(tmp_path):
+    assert progress(job_with(tmp_path / "new")) == 0.0
+    assert progress(job_with(tmp_path / "half", 500, "running")) == 0.5
+    assert progress(job_with(tmp_path / "trained", 1000, "running")) == 0.99
+    assert progress(job_with(tmp_path / "done", 1000, "done")) == 1.0
+
+
+def test_time_left_by_the_speed_so_far(tmp_path, monkeypatch):
+    """Three equal jobs, one done before. Half of another took 10 minutes, so the other half and the third take 30."""
+    now = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    jobs = [job_with(tmp_path / "a", 1000, "done"), job_with(tmp_path / "b"), job_with(tmp_path / "c")]
+    standing = Standing(jobs)
+    assert standing.before == 1 and standing.line() == "1 of 3 done, 0 running"
+    (tmp_path / "b" / "model_500.pt").touch()
+    (tmp_path / "b" / "status.yaml").write_text("state: running\n")
+    monkeypatch.setattr(time, "monotonic", lambda: now + 600)
+    assert standing.line() == "1 of 3 done, 1 running, 30 min left"
+
+
+def test_a_failure_keeps_its_traceback(tmp_path):
+    def fail():
+        raise ValueError("no\nsuch thing")
+
+    guarded(fail, tmp_path / "job", quiet=True)
+    assert status(tmp_path / "job")["error"] == "ValueError: no such thing"
+    assert "in fail" in (tmp_path / "job" / "error.txt").read_text()
+    assert "failed: ValueError" in (tmp_path / "job" / "log.txt").read_text()

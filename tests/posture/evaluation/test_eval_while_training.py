@@ -1,0 +1,96 @@
+"""An evaluation beside a training that goes on: it reads whole files, repeats itself, and changes nothing of the run."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from posture.storage import checkpoint
+from posture.storage.run_dir import iteration_of, newest_model
+from tests.commands import TINY, call, runs
+
+LEARNING = [*(a for a in TINY if "max_iterations" not in a and "save_interval" not in a), "agent.save_interval=5"]
+EVALUATION = [*(a for a in TINY if a.startswith("evaluation")), "evaluation.figures=false", "evaluation.freq=[0.5]"]
+
+opened: list[tuple[str, str]] = []
+"""What this process did to files: the audit event and the path. An audit hook cannot be taken away again."""
+
+
+def _watch(event, arguments):
+    if event == "open":
+        path, mode, flags = arguments
+        writes = flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND)
+        if isinstance(path, (str, os.PathLike)) and writes:
+            opened.append((event, os.path.abspath(path)))
+    elif event in ("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate", "os.chmod", "os.utime", "os.link"):
+        opened.extend((event, os.path.abspath(path)) for path in arguments if isinstance(path, (str, os.PathLike)))
+
+
+@pytest.fixture(scope="module")
+def training(tmp_path_factory):
+    """The folder of a training that goes on in another process, after its first checkpoint; and the process."""
+    folder = tmp_path_factory.mktemp("training")
+    command = [sys.executable, "-m", "posture.train", *LEARNING, "max_iterations=100000", "evaluate=false"]
+    with subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        try:
+            deadline = time.monotonic() + 120.0
+            while not list(folder.glob("runs/*/model_5.pt")):
+                assert process.poll() is None and time.monotonic() < deadline
+                time.sleep(0.1)
+            yield next(folder.glob("runs/*")), process
+        finally:
+            process.send_signal(signal.SIGINT)
+            try:
+                process.wait(timeout=30.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+
+
+def test_what_is_read_meanwhile_is_whole(training):
+    """The state, which the training replaces all the time, and the newest checkpoint, whatever it is at that moment."""
+    run, process = training
+    states: set[int] = set()
+    deadline = time.monotonic() + 60.0
+    while len(states) < 5 and time.monotonic() < deadline:
+        states.add(checkpoint.load(run / "resume.pt", "cpu")["iteration"])
+        newest = newest_model(run)
+        assert checkpoint.load(newest, "cpu")["iter"] == iteration_of(newest)
+    assert process.poll() is None and len(states) == 5  # it was replaced meanwhile
+
+
+def test_an_evaluation_repeats_itself_and_changes_nothing_of_the_run(training, tmp_path, monkeypatch):
+    run, process = training
+    monkeypatch.chdir(tmp_path)
+    before = {path: path.read_bytes() for path in run.iterdir() if path.suffix == ".yaml" or path.name.startswith("model_")}
+    sys.addaudithook(_watch)
+    opened.clear()
+    call(monkeypatch, "eval", f"ckpt={run}", *EVALUATION)
+    (own,) = (path for path in run.iterdir() if path.is_dir())
+    call(monkeypatch, "eval", f"ckpt={run / own.name.removeprefix('evaluation_')}.pt", "out=again", *EVALUATION)
+    ours = {path for _, path in opened if path.startswith(str(run))}
+    after = newest_model(run)
+    assert process.poll() is None and iteration_of(after) > int(own.name.split("_")[-1])  # it went on all the while
+
+    table = (own / "metrics.csv").read_bytes()
+    assert table == Path("again/metrics.csv").read_bytes() and b"nan" in table
+    first, second = (np.load(folder / "trajectories.npz") for folder in (own, Path("again")))
+    assert set(first.files) == set(second.files)
+    assert all(np.array_equal(first[name], second[name], equal_nan=first[name].dtype.kind == "f") for name in first.files)
+
+    # `evaluation` is left to the training's own end.
+    assert own.name.startswith("evaluation_model_")
+    assert ours and all(path.startswith(str(own)) for path in ours)
+    assert {path: path.read_bytes() for path in before} == before
+
+    # The policy is the one of a training that nobody looked at.
+    done = iteration_of(after)
+    call(monkeypatch, "train", *LEARNING, f"max_iterations={done}", "evaluate=false")
+    (alone,) = runs()
+    one, other = (checkpoint.load(path, "cpu")["actor_state_dict"] for path in (after, alone / after.name))
+    assert one.keys() == other.keys() and all(torch.equal(one[name], other[name]) for name in one)

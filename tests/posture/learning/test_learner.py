@@ -1,0 +1,37 @@
+"""That the default learner learns: minutes, so only with `make test-slow`."""
+
+import statistics
+import subprocess
+import sys
+
+import pytest
+import torch
+
+from envs.task.head_tracking import HeadTrackingEnv
+from posture.learning.learner import Learner
+from tests.conftest import compose
+
+
+@pytest.mark.slow
+def test_episodes_become_longer(tmp_path):
+    """Within 25 iterations the head stays on target at least three times as long as that of an untrained policy."""
+    config = compose()
+    torch.manual_seed(config.seed)
+    env = HeadTrackingEnv(config.env, config.seed, "cpu")
+    learner = Learner(env, config.agent, tmp_path, "cpu")
+    learner.train(1)
+    untrained = statistics.mean(learner.logger.lenbuffer)
+    learner.train(25)
+    assert statistics.mean(learner.logger.lenbuffer) > 3 * untrained
+
+
+@pytest.mark.slow
+def test_torchrun_shares_a_training(tmp_path):
+    """Under torchrun the first process alone writes a run, and it counts the worlds of both."""
+    tiny = "env.num_envs=8 max_iterations=2 agent.num_steps_per_env=4 agent.algorithm.num_mini_batches=2 evaluate=false"
+    command = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2", "-m", "posture.train", *tiny.split()]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    (run,) = (tmp_path / "runs").iterdir()
+    assert f"runs/{run.name}" in done.stdout
+    assert len(torch.load(run / "resume.pt", weights_only=True)["processes"]) == 2

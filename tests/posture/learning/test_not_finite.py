@@ -1,0 +1,86 @@
+"""A number that is not finite stops a training in its iteration, in one line that names it, and is never saved."""
+
+import multiprocessing
+
+import pytest
+import torch
+
+from envs.task.head_tracking import HeadTrackingEnv
+from posture import train
+from posture.learning import parallel, policy
+from posture.learning.ppo import PPO
+from posture.storage import checkpoint, run_dir
+from tests.commands import TINY, call, runs
+from tests.time_limit import at_most
+
+STEPS = 4
+"""Steps of an iteration in TINY."""
+
+
+def spoil_environment(monkeypatch, term, value):
+    """From the second iteration on one world gives `value` as its reward or in its observation."""
+    step, taken = HeadTrackingEnv.step, []
+
+    def spoilt(self, actions):
+        observation, reward, done, extras = step(self, actions)
+        taken.append(1)
+        if len(taken) > STEPS:
+            (reward if term == "reward" else observation["policy"])[0] = value
+        return observation, reward, done, extras
+
+    monkeypatch.setattr(HeadTrackingEnv, "step", spoilt)
+
+
+def spoil_loss(monkeypatch, name):
+    """The second update tells of a loss that is not a number."""
+    update, done = PPO.update, []
+
+    def spoilt(self):
+        losses = update(self)
+        done.append(1)
+        return losses | ({name: float("nan")} if len(done) == 2 else {})
+
+    monkeypatch.setattr(PPO, "update", spoilt)
+
+
+@pytest.mark.parametrize(
+    ("term", "value"),
+    [("reward", torch.nan), ("reward", torch.inf), ("observation", torch.inf), ("surrogate", None), ("entropy", None)],
+)
+def test_what_is_not_finite_is_named_and_not_saved(tmp_path, monkeypatch, capsys, term, value):
+    monkeypatch.chdir(tmp_path)
+    if value is None:
+        spoil_loss(monkeypatch, term)
+    else:
+        spoil_environment(monkeypatch, term, value)
+    with pytest.raises(SystemExit) as stop:
+        call(monkeypatch, "train", *TINY, "max_iterations=4", "evaluate=false")
+    told = capsys.readouterr()
+    assert stop.value.code == 1
+    (line,) = told.err.strip().splitlines()
+    assert line.startswith("error: iteration 2: training stopped") and term in line
+    newest = run_dir.newest_model(runs()[0])
+    assert newest.name == "model_1.pt" and policy.iterations_done(runs()[0]) == 1
+    weights = checkpoint.load(newest, "cpu")["actor_state_dict"].values()
+    assert all(torch.isfinite(weight).all() for weight in weights)
+
+
+learn = train._learn
+
+
+def learn_with_nan_in_the_second_process(*arguments):
+    with pytest.MonkeyPatch.context() as patch:
+        if parallel.rank() == 1:
+            spoil_environment(patch, "reward", torch.nan)
+        learn(*arguments)
+
+
+def test_a_nan_of_another_process_stops_both(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(train, "_learn", learn_with_nan_in_the_second_process)
+    with at_most(180), pytest.raises(SystemExit) as stop:
+        call(monkeypatch, "train", *TINY, "max_iterations=4", "evaluate=false", "processes=2")
+    assert stop.value.code == 1
+    (line,) = [line for line in capfd.readouterr().err.strip().splitlines() if not line.startswith("Warp CUDA warning")]
+    assert line == "error: iteration 2: training stopped, since these are not finite numbers: reward"
+    assert run_dir.newest_model(runs()[0]).name == "model_1.pt" and not multiprocessing.active_children()

@@ -1,0 +1,214 @@
+"""Where runs and jobs write: their own folders alone, whatever these are called, and one process at a time."""
+
+import fcntl
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+from posture.cli.jobs import check
+from posture.cli.sweep import guarded, status
+from posture.config.errors import ConfigError
+from posture.config.train import TrainConfig
+from posture.storage import run_dir, yaml_files
+from posture.storage.lock import is_busy, locked
+from tests.commands import TINY, call, refused, runs
+
+QUICK = [*TINY, "max_iterations=1", "evaluate=false"]
+NAMES = ["two words, a=b größe 人", "it's {x} #%41", "-dash..dots"]
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+
+
+def quoted(text):
+    """As a Hydra value."""
+    return "'" + str(text).replace("'", "\\'") + "'"
+
+
+def tree(top):
+    return {path.relative_to(top) for path in top.rglob("*")}
+
+
+# -- folders that cannot be ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("folder", ["/proc/x", "file", "file/sub", "/sys/x/y", "hanging"])
+def test_where_nothing_can_be_written_nothing_begins(monkeypatch, capsys, folder):
+    Path("file").write_text("mine")
+    Path("hanging").symlink_to("/nowhere/at/all")
+    before = tree(Path.cwd())
+    for arguments in (
+        ["train", *QUICK, f"hydra.run.dir={folder}"],
+        ["train", "-m", *QUICK, f"hydra.sweep.dir={folder}"],
+        ["eval", "ckpt=pretrained", f"out={folder}"],
+        ["reproduce", f"out={folder}"],
+    ):
+        line = refused(monkeypatch, capsys, *arguments)
+        assert f"cannot write to the folder {folder}" in line
+    assert tree(Path.cwd()) == before and Path("file").read_text() == "mine"
+
+
+def test_a_read_only_folder_is_refused(monkeypatch, capsys, tmp_path):
+    """As root no permission stops us, so the file system's answer is given by hand."""
+
+    def deny(*_, dir, **__):
+        raise PermissionError(13, "Permission denied", str(dir))
+
+    monkeypatch.setattr("tempfile.TemporaryFile", deny)
+    for arguments in (["train", *QUICK], ["train", "-m", *QUICK], ["eval", "ckpt=pretrained", "out=there"]):
+        assert "cannot write to the folder" in (line := refused(monkeypatch, capsys, *arguments))
+        assert line.endswith("Permission denied")
+
+
+def test_an_empty_sweep_is_refused(monkeypatch, capsys):
+    assert "the sweep is empty" in refused(monkeypatch, capsys, "train", "-m", *QUICK, "seed=range(1,1)")
+    assert runs() == []
+
+
+def test_jobs_do_not_share_a_folder_nor_leave_the_sweeps(monkeypatch, capsys, tmp_path):
+    sweep = ["train", "-m", *QUICK, "seed=1,2"]
+    assert "would have the folder" in refused(monkeypatch, capsys, *sweep, "hydra.sweep.subdir=same")
+    assert "does not lie within" in refused(monkeypatch, capsys, *sweep, "hydra.sweep.subdir=../../x")
+    again = ["train", "-m", "experiment=energy", *QUICK, "seed=1,1", "env.energy_weight=5"]
+    assert "give each value once" in refused(monkeypatch, capsys, *again)
+    assert tree(tmp_path) == {Path("here")}
+
+
+# -- names -----------------------------------------------------------------------------------------------------------
+
+
+def test_any_name_of_a_folder(monkeypatch, tmp_path):
+    """A run is trained, gone on with and evaluated in a folder of any name; nothing else is written anywhere."""
+    evaluation = [t for t in TINY if t.startswith("evaluation")]
+    for name in NAMES:
+        run = Path("runs") / name
+        call(monkeypatch, "train", *QUICK, f"hydra.run.dir={quoted(run)}")
+        assert (run / "model_1.pt").is_file()
+        call(monkeypatch, "train", f"resume={quoted(run)}", "max_iterations=2")
+        call(monkeypatch, "eval", f"ckpt={quoted(run / 'model_2.pt')}", *evaluation, "evaluation.figures=false")
+        assert (run / "model_2.pt").is_file() and (run / "evaluation" / "metrics.csv").is_file()
+    assert sorted(path.name for path in Path("runs").iterdir()) == sorted(NAMES)
+    assert list(tmp_path.iterdir()) == [tmp_path / "here"] and list(Path.cwd().iterdir()) == [Path.cwd() / "runs"]
+
+
+def test_a_path_upwards_is_where_it_says(monkeypatch, tmp_path):
+    call(monkeypatch, "train", *QUICK, "hydra.run.dir=../there/run")
+    assert (tmp_path / "there" / "run" / "model_1.pt").is_file()
+    assert list(Path.cwd().iterdir()) == []
+
+
+# -- two at once -----------------------------------------------------------------------------------------------------
+
+NAME = "import sys, time; from posture.run_dir import folder_for; from pathlib import Path; \
+time.sleep(max(0, float(sys.argv[1]) - time.time())); f = folder_for('runs', None); Path(f).mkdir(parents=True); print(f)"
+
+
+def test_runs_started_at_the_same_moment_have_folders_of_their_own():
+    moment = str(time.time() + 12)
+    started = [subprocess.Popen([sys.executable, "-c", NAME, moment], stdout=subprocess.PIPE, text=True) for _ in range(4)]
+    folders = [process.communicate(timeout=60)[0].strip() for process in started]
+    assert all(process.returncode == 0 for process in started) and len(set(folders)) == 4
+    assert len({folder.rsplit("_", 1)[0] for folder in folders}) <= 2, "they were to be named in the same second"
+
+
+HOLD = "import sys, time; from pathlib import Path; from posture.lock import locked\n\
+with locked(Path(sys.argv[1])): print('held', flush=True); time.sleep(100)"
+
+
+@pytest.fixture
+def holder(tmp_path):
+    """Another process that is at work in the folder `job`."""
+    job = tmp_path / "here" / "job"
+    process = subprocess.Popen([sys.executable, "-c", HOLD, str(job)], stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "held\n"
+    yield job, process
+    process.kill()
+    process.wait()
+    process.stdout.close()
+
+
+def test_a_folder_in_work_is_refused_until_its_process_dies(holder, monkeypatch, capsys):
+    job, process = holder
+    assert is_busy(job)
+    with pytest.raises(ConfigError, match="another process is at work in it"), locked(job):
+        pass
+    line = refused(monkeypatch, capsys, "train", *QUICK, f"hydra.run.dir={job}")
+    assert "another process is at work in it" in line and not (job / "config.yaml").exists()
+    process.send_signal(signal.SIGKILL)  # no chance to tidy up
+    process.wait()
+    assert not is_busy(job)
+    with locked(job), locked(job):
+        assert not is_busy(job)
+    call(monkeypatch, "train", *QUICK, f"hydra.run.dir={job}")
+    assert (job / "model_1.pt").is_file()
+
+
+def test_a_job_in_work_elsewhere_is_left_to_it(holder, capsys):
+    job, process = holder
+    (job / "status.yaml").write_text("state: running\nbegan: theirs\n")
+    guarded(lambda: pytest.fail("it ran"), job, quiet=False)
+    assert "left out" in capsys.readouterr().out
+    assert status(job) == {"state": "running", "began": "theirs"}
+
+
+def test_a_sweep_names_the_job_that_another_process_has(monkeypatch, capsys):
+    sweep = ["-m", "experiment=energy", *QUICK, "env.energy_weight=0,5", "seed=1"]
+    first, second = (job.folder for job in check("train", TrainConfig, sweep).jobs)
+    first.mkdir(parents=True)
+    with (first / ".lock").open("ab") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        with pytest.raises(SystemExit) as stop:
+            call(monkeypatch, "train", *sweep)
+    told = capsys.readouterr().out
+    assert stop.value.code == 1 and "sweep: 1 of 2 jobs done" in told
+    assert f"failed: {first}: another process is at work on it" in told
+    assert not (first / "config.yaml").exists() and status(second)["state"] == "done"
+    call(monkeypatch, "train", *sweep)
+    assert "2 of 2 jobs done, 1 of them before" in capsys.readouterr().out
+
+
+def test_ctrl_c_in_a_job_leaves_its_state_and_its_lock(tmp_path):
+    def interrupted():
+        raise KeyboardInterrupt
+
+    for before in ("done", "running"):
+        yaml_files.write_yaml(tmp_path / before / "status.yaml", {"state": before})
+        with pytest.raises(KeyboardInterrupt):
+            guarded(interrupted, tmp_path / before, quiet=True)
+        assert status(tmp_path / before)["state"] == before and not is_busy(tmp_path / before)
+
+
+@pytest.mark.slow
+def test_an_interrupted_sweep_keeps_what_is_done():
+    """Ctrl-C in the second of two jobs: the first stays done, and the same command does the second."""
+    sweep = [sys.executable, "-m", "posture.train", "-m", "experiment=energy", *QUICK, "env.energy_weight=0,5", "seed=1"]
+    long = [*(a for a in sweep if not a.startswith("max_iterations")), "max_iterations=1", "env.energy_weight=0"]
+    subprocess.run(long, check=True, capture_output=True)
+    (done,) = run_dir.runs_in(Path("runs/energy"))
+    kept = (done / "model_1.pt").stat().st_mtime_ns
+    # The second job has so many samples an iteration that it does not end by itself.
+    second = [*sweep, "agent.num_steps_per_env=100000", "env.energy_weight=5"]
+    process = subprocess.Popen(second, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60
+    while not list(Path("runs/energy").glob("*/events.out.*"))[1:] and time.monotonic() < deadline:
+        time.sleep(0.1)
+    for _ in range(2):  # the first would let the iteration end
+        time.sleep(2.0)
+        process.send_signal(signal.SIGINT)
+    process.communicate(timeout=60)
+    assert process.returncode == 130
+    states = {path.name: status(path)["state"] for path in Path("runs/energy").iterdir() if path.is_dir()}
+    assert states.pop(done.name) == "done" and list(states.values()) == ["running"]
+    assert (done / "model_1.pt").stat().st_mtime_ns == kept
+    assert not any(is_busy(path) for path in Path("runs/energy").iterdir() if path.is_dir())
+    again = subprocess.run(sweep, check=True, capture_output=True, text=True)
+    assert "sweep: 2 of 2 jobs done, 1 of them before" in again.stdout
+    assert yaml.safe_load((done / "status.yaml").read_text())["state"] == "done"

@@ -1,0 +1,77 @@
+"""The policies that come with the package: evaluated again, they give the numbers of the published results."""
+
+import math
+from pathlib import Path
+
+import pytest
+
+from posture.analysis.coordination import read_csv
+from posture.reproduce.ship import SHIPPED_SEED
+from posture.storage.run_dir import PRETRAINED, is_run, newest_model, read_config
+from tests.commands import call, refused
+
+TABLES = Path(__file__).parents[3] / "results" / "reproduction" / "tables"
+COMPARED = ("hip_ankle_r", "target_head_r", "head_amplitude_m", "energy_j", "cost")
+# Another processor rounds otherwise, and a hundred seconds of feedback with soft contact carry that on.
+TOLERANCE = 0.01
+
+pytestmark = pytest.mark.skipif(not PRETRAINED.is_dir(), reason="no policies are shipped yet")
+
+
+def shipped():
+    return sorted(path for path in PRETRAINED.iterdir() if is_run(path)) if PRETRAINED.is_dir() else []
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def test_one_policy_of_each_condition_is_shipped():
+    conditions = {"default", *(f"energy_weight-{gamma}" for gamma in range(0, 41, 5))}
+    conditions |= {f"hip_k-{hip_k}" for hip_k in range(25, 201, 25)}
+    assert {path.name for path in shipped()} == conditions
+
+
+@pytest.mark.parametrize("folder", shipped(), ids=lambda path: path.name)
+def test_it_is_small_and_says_where_it_is_from(folder):
+    assert {path.name for path in folder.iterdir()} == {"config.yaml", "provenance.yaml", newest_model(folder).name}
+    assert sum(path.stat().st_size for path in folder.iterdir()) < 60_000
+    run = read_config(folder)
+    assert run.seed == SHIPPED_SEED and newest_model(folder).name == f"model_{run.max_iterations}.pt"
+
+
+@pytest.mark.parametrize(
+    ("name", "experiment", "condition"),
+    [
+        ("pretrained", "frequency", {"freq_hz": (0.15, 0.6, 0.75, 1.2)}),
+        ("pretrained/energy_weight-20", "energy", {"energy_weight": (20.0,)}),
+        ("pretrained/hip_k-75", "hip_stiffness", {"hip_k_nm_per_rad": (75.0,), "freq_hz": (0.1, 0.5)}),
+    ],
+)
+def test_evaluated_again_they_give_the_published_numbers(monkeypatch, name, experiment, condition):
+    rows = [row for row in read_csv(TABLES / f"{experiment}.csv") if row["seed"] == SHIPPED_SEED]
+    for column, values in condition.items():
+        rows = [row for row in rows if row[column] in values]
+    freqs = ",".join(f"{row['freq_hz']:g}" for row in rows)
+    call(monkeypatch, "eval", f"ckpt={name}", "out=again", f"evaluation.freq=[{freqs}]", "evaluation.figures=false")
+    ours = read_csv("again/metrics.csv")
+    assert len(ours) == len(rows) > 0
+    for one, other in zip(ours, rows, strict=True):
+        assert one["mode"] == other["mode"] and one["valid"] and other["valid"]
+        for column in COMPARED:
+            assert math.isclose(one[column], other[column], rel_tol=TOLERANCE, abs_tol=TOLERANCE), column
+
+
+def test_nothing_is_written_into_the_package(monkeypatch):
+    before = sorted(PRETRAINED.rglob("*"))
+    call(monkeypatch, "eval", "ckpt=pretrained", "evaluation.duration=2", "evaluation.transient=0")
+    assert sorted(PRETRAINED.rglob("*")) == before
+    (made,) = Path("runs").rglob("metrics.csv")
+    assert made.parent.name == "evaluation"
+
+
+def test_an_unknown_policy_is_refused(monkeypatch, capsys):
+    for name in ("pretrained/none", "pretrained/..", "pretrained/a/b"):
+        line = refused(monkeypatch, capsys, "eval", f"ckpt={name}")
+        assert "no such policy" in line and "default" in line

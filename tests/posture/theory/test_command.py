@@ -1,0 +1,167 @@
+"""`python -m posture.theory` as users meet it: tables, map and errors."""
+
+import csv
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hydra.core.global_hydra import GlobalHydra
+from hydra.core.hydra_config import HydraConfig
+
+from posture.cli import entry, jobs
+from posture.config.theory import TheoryConfig
+from posture.theory.__main__ import theory
+from posture.theory.prediction import cop_binds, predict
+from posture.theory.stander import linearise, segments
+from posture.theory.tables import Table, _steps
+
+TINY = [
+    "evaluation.freq=[0.6,0.75]",
+    "experiment_3.hip_k=[75,125]",
+    "experiment_4b.step=4",
+    "figure_13.hip_k=[50,125]",
+    "figure_13.step=0.45",
+    "around.ankle_k=[25]",
+    "around.load=[0]",
+    "around.tolerance=[0.025,0.2]",
+    "search=[0.5,0.8]",
+]
+FILES = [
+    *(f"{name}.csv" for name in ("around", "experiment_1", "experiment_3", "experiment_4b", "figure_13")),
+    "theory_map.png",
+    "transition.csv",
+]
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def call(monkeypatch, *arguments):
+    GlobalHydra.instance().clear()
+    HydraConfig.instance().cfg = None
+    monkeypatch.setattr(sys, "argv", ["posture.theory", *arguments])
+    entry.run("theory", TheoryConfig, theory)
+
+
+def read(path):
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_tables_and_map(monkeypatch, capsys):
+    call(monkeypatch, *TINY, "out=here")
+    told = capsys.readouterr().out
+    assert sorted(path.name for path in Path("here").iterdir()) == FILES
+    assert Path("here/theory_map.png").read_bytes().startswith(b"\x89PNG")
+    for title in ("Exp. 1: hip 125 Nm/rad, load 0 kg", "Exp. 3: 0.5 Hz", "Exp. 4b: 0.4 Hz", "Fig. 13"):
+        assert title in told
+    first, second = read(Path("here/experiment_1.csv"))
+    assert (
+        (first["least_mode"], second["least_mode"])
+        == (first["paper_mode"], second["paper_mode"])
+        == ("in-phase", "anti-phase")
+    )
+    assert [row["load_kg"] for row in read(Path("here/experiment_4b.csv"))] == ["0", "4"]
+    soft, stiff = read(Path("here/figure_13.csv"))
+    assert soft["sinusoid_transition_hz"] == "nan" and float(stiff["sinusoid_transition_hz"]) == pytest.approx(
+        0.68, abs=0.005
+    )
+    assert stiff["mode_at_0.05_hz"] == "in" and soft["mode_at_0.5_hz"] == "anti"
+    assert len(read(Path("here/around.csv"))) == 3  # a tolerance beyond the amplitude is left out
+
+
+def test_overrides_and_sweeps_make_a_folder_a_job(monkeypatch, capsys):
+    call(monkeypatch, "-m", *TINY, "env.hip_k=75,100", "env.load=2")
+    jobs = sorted(Path("runs").glob("*/*/theory"))
+    assert [job.parent.name[:2] for job in jobs] == ["0_", "1_"]
+    for job, hip_k in zip(jobs, ("75", "100"), strict=True):
+        row = read(job / "experiment_1.csv")[0]
+        assert (row["hip_k_nm_per_rad"], row["load_kg"]) == (hip_k, "2")
+        assert "paper_mode" not in row  # the paper's stander had no load
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["env.hip_k=-5"], ["env.hip_k = -5", "greater than or equal to 0"]),
+        (["env.ankle_k=-0.1"], ["env.ankle_k = -0.1"]),
+        (["env.load=-1"], ["env.load = -1"]),
+        (["tolerance=0.1"], ["tolerance: 0.1 m leaves the head no motion", "less than env.amplitude = 0.1 m"]),
+        (["env.termination.head_tolerance=0.15"], ["tolerance: 0.15 m leaves the head no motion"]),
+        (["tolerance=0"], ["tolerance", "greater than 0"]),
+        (["search=[1.0,0.5]"], ["search: a range goes from low to high"]),
+        (["experiment_4b.load=[4,0]"], ["experiment_4b.load: a range goes from low to high"]),
+        (["env.hip_k=75,-1", "-m"], ["env.hip_k = -1"]),
+        (["hip_k=75"], ["hip_k"]),
+        (["env.amplitude=0.9", *TINY], ["head motion of 0.9 m within 0.025 m at 0.", "cannot be met", "inside the foot"]),
+        (["env.torque_limit=1", *TINY], ["head motion of 0.1 m within 0.025 m at 0.6 Hz", "1 Nm a joint"]),
+    ],
+)
+def test_bad_input_gets_one_line(monkeypatch, capsys, arguments, expected):
+    with pytest.raises(SystemExit) as stop:
+        call(monkeypatch, *arguments)
+    told = capsys.readouterr()
+    lines = [line for line in told.err.strip().splitlines() if "Warp" not in line]
+    assert stop.value.code == 2 and len(lines) == 1 and lines[0].startswith("error: "), told.err
+    for part in expected:
+        assert part in lines[0]
+
+
+def test_where_no_tolerance_ends_the_episode_that_of_the_evaluation_counts():
+    import hydra
+
+    from posture.config.reading import read as checked
+
+    GlobalHydra.instance().clear()
+    with hydra.initialize_config_dir(str(jobs.CONF), version_base="1.3"):
+        config = checked(TheoryConfig, jobs.plain(hydra.compose("theory", ["env=paper"])))
+    assert config.tolerance is None and config.head_tolerance == config.evaluation.tolerance
+
+
+def test_help_comes_from_the_module(tmp_path):
+    told = subprocess.run(
+        [sys.executable, "-m", "posture.theory", "--cfg", "job"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        timeout=120,
+    )
+    assert told.returncode == 0 and "experiment_4b:" in told.stdout
+
+
+def test_a_row_says_what_cannot_be_met(env_config):
+    config = env_config("env.torque_limit=1")
+    row = predict(segments(config), config, 0.6, 0.025, 100.0)
+    assert row["feasible"] is False and math.isnan(row["least_cost"]) and row["least_mode"] == "undefined"
+    assert row["sinusoid_cost"] > 1.0 and row["cop_binds"] == "-"
+
+
+def test_where_the_centre_of_pressure_binds(env_config):
+    config = env_config()
+    stander = linearise(segments(config), config)
+    assert [cop_binds(stander, low, high) for low, high in ((-0.05, 0.12), (-0.06, 0.12), (-0.05, 0.13), (-0.06, 0.13))] == [
+        "none", "heel", "toe", "both"]  # fmt: skip
+
+
+def test_steps_end_where_they_should():
+    assert _steps((0.0, 4.0), 0.5) == [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0]
+    assert _steps((0.05, 0.5), 0.05)[-2:] == [0.45, 0.5]
+    assert _steps((0.0, 1.0), 0.4) == [0.0, 0.4, 0.8, 1.0]
+
+
+def test_table_text():
+    rows = [{"a": 0.5, "b": math.nan, "c": "x"}, {"a": 12.0, "b": 0.001, "c": "long"}]
+    table = Table(
+        "t", "T", rows, {"a": ("a [Hz]", 1, "g"), "b": ("b [mm]", 1e3, ".1f"), "c": ("c", 1, ""), "d": ("d", 1, "")}
+    )
+    assert table.text().splitlines() == [
+        "   a     b     c",
+        "[Hz]  [mm]",
+        "----------------",
+        " 0.5     -     x",
+        "  12   1.0  long",
+    ]
