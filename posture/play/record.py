@@ -15,6 +15,7 @@ import viser
 
 from posture.config.errors import ConfigError, RunError
 from posture.config.play import PlayConfig
+from posture.config.published import read_published
 from posture.drawing.style import MODE_COLOUR
 from posture.play.measures import Measures
 from posture.play.pilot import candidates
@@ -59,7 +60,7 @@ def film(session: Session, server: viser.ViserServer, config: PlayConfig) -> str
     """The page. RunError where the stander falls."""
     low, high = config.recording.freq
     look(server.initial_camera)
-    scene = Scene(server.scene, session.sole, config.paper["table_1"]["target_height_m"])
+    scene = Scene(server.scene, session.sole, read_published().table_1.target_height_m)
     session.set(freq=low)
     # The first window is not shown, since no mode has a name before it is full.
     while session.measures().mode == "undefined" and session.time < 60:

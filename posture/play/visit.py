@@ -12,6 +12,7 @@ import viser
 
 from envs.body.segments import Segments
 from posture.config.play import PlayConfig
+from posture.config.published import read_published
 from posture.play.controls import Controls
 from posture.play.live import Live
 from posture.play.pilot import Candidate
@@ -53,7 +54,7 @@ class Visit(threading.Thread):
         gui.main_panel.dock_right()
         gui.main_panel.set_width(310)
         look(client.camera)
-        self._scene = Scene(client.scene, self.session.sole, config.paper["table_1"]["target_height_m"])
+        self._scene = Scene(client.scene, self.session.sole, read_published().table_1.target_height_m)
 
     def leave(self) -> None:
         """End the visit."""

@@ -17,6 +17,7 @@ from matplotlib.patches import Rectangle
 from envs.body.joints import ANKLE, HIP
 from envs.body.segments import Segments
 from posture.analysis.coordination import Row
+from posture.config.published import read_published
 from posture.config.theory import TheoryConfig
 from posture.drawing.style import GREY, MODE_COLOUR, STYLE
 from posture.theory.motion import Motion
@@ -79,8 +80,17 @@ def _draw_plane(ax: Axes, body: Segments, config: TheoryConfig, rows: Sequence[R
     style = {**_SINUSOID, "color": GREY, "label": f"sinusoid, load {heaviest:g} kg"}
     ax.plot(stiffness, [_or_nan(sinusoid_transition(stander, config.search)) for stander in laden], **style)
     ax.plot([row["hip_k_nm_per_rad"] for row in rows], [row["least_transition_hz"] for row in rows], **_LEAST)
-    condition, found = config.paper["table_3"]["condition"], config.paper["experiment_4a"]["transition_hz"]
-    ax.plot(condition["hip_k"], found, "*", ms=11, color="gold", mec="black", ls="none", label="paper, Exp. 4a (load 0)")
+    published = read_published()
+    ax.plot(
+        published.table_3.condition.hip_k,
+        published.experiment_4a.transition_hz,
+        "*",
+        ms=11,
+        color="gold",
+        mec="black",
+        ls="none",
+        label="paper, Exp. 4a (load 0)",
+    )
     corner = (min(figure.hip_k), figure.freq[0])
     width, height = max(figure.hip_k) - min(figure.hip_k), figure.freq[1] - figure.freq[0]
     ax.add_patch(Rectangle(corner, width, height, fill=False, ls=":", label="plane of paper Fig. 13"))

@@ -11,6 +11,7 @@ import numpy as np
 from envs.body.segments import Segments
 from envs.config import EnvConfig
 from posture.analysis.coordination import Row, mode
+from posture.config.published import read_published
 from posture.config.theory import TheoryConfig
 from posture.theory.optimum import bound
 from posture.theory.prediction import predict
@@ -194,10 +195,11 @@ def _transitions(body: Segments, config: TheoryConfig, tolerance: float, **chang
 
 def _published(config: TheoryConfig, table: str, column: str, swept: Sequence[str]) -> dict[float, str]:
     """The paper's mode at each value of `column`; none where the stander differs from the paper's in more than `swept`."""
-    condition = config.paper["table_3"]["condition"]
+    published = read_published().model_dump(mode="json")
+    condition = published["table_3"]["condition"]
     if any(getattr(config.env, key) != value for key, value in condition.items() if key not in swept):
         return {}
-    content = config.paper[table]
+    content = published[table]
     modes = content.get("mode", content.get("mode_at_ends"))
     return {value: f"{name}-phase" for value, name in zip(content[column], modes, strict=True)}
 
