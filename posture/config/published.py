@@ -14,8 +14,9 @@ from envs.config import Amplitude, AnkleStiffness, Freq, HipStiffness, Load, Sec
 from posture.config.errors import ConfigError
 from posture.config.reading import read
 
-CONF = Path(__file__).resolve().parents[2] / "conf"
-"""Folder of all configuration files."""
+_POSTURE = Path(__file__).resolve().parents[1]
+CONF = next(folder for folder in (_POSTURE / "conf", _POSTURE.parent / "conf") if folder.is_dir())
+"""Folder of all configuration files: inside the package where it is installed, beside it in a checkout."""
 
 Mode = Literal["in", "anti"]
 Quantity = Annotated[float, Field(gt=0, le=1e9)]
