@@ -36,7 +36,7 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
     in_experiment = entry.in_sweep() and entry.experiment() is not None
     models = run_dir.find_checkpoints(config.ckpt, only_current if in_experiment else None)
     runs = [run_dir.read_config(model.parent) for model in models]
-    from posture.learning.policy import load_policy
+    from posture.learning.networks import load_policy
 
     for model, run in zip(models, runs, strict=True):
         load_policy(checkpoint.load(model, "cpu"), run, model, "cpu")

@@ -20,7 +20,7 @@ from posture.config.reading import read
 from posture.config.train import TrainConfig
 from posture.evaluation.lqr_policy import LqrController
 from posture.evaluation.rollout import Policy, rollout
-from posture.learning.policy import load_policy
+from posture.learning.networks import load_policy
 from posture.learning.progress import preparing
 from posture.storage import checkpoint, provenance, run_dir, yaml_files
 from posture.storage.atomic import replacing
