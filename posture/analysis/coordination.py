@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import circmean, circstd
 
+from envs.body.joints import ANKLES, HIPS
 from posture.analysis.results import Result
-from posture.analysis.trajectory import ANKLE, HIP, Array, Trajectory
+from posture.analysis.trajectory import Array, Trajectory
 
 COP_PERCENTILES = (5, 25, 50, 75, 95)
 
@@ -155,12 +156,14 @@ def sign_change_frequency(freq: ArrayLike, correlation: ArrayLike) -> float | No
     return None
 
 
-def measure(trajectory: Trajectory, *, transient_s: float, tolerance_m: float, still_joint_deg: float) -> list[Result]:
+def measure_trajectory(
+    trajectory: Trajectory, *, transient_s: float, tolerance_m: float, still_joint_deg: float
+) -> list[Result]:
     """The results of a trial, one for each world.
 
-    `transient_s` [s] is left out at the start (`Result` says of which indices). `tolerance_m` [m] is the head-target distance
-    beyond which tracking counts as lost. The coordination of a joint whose peak-to-peak angle after the transient is below
-    `still_joint_deg` [deg] is undefined.
+    `transient_s` [s] is left out at the start (`Result` says of which indices). `tolerance_m` [m] is the head-target
+    distance beyond which tracking counts as lost. The coordination of a joint whose peak-to-peak angle after the
+    transient is below `still_joint_deg` [deg] is undefined.
 
     A world that fell, or whose signals are not finite, is not valid and has every index nan, so that no average includes it.
     Raises ValueError where the transient leaves nothing of the trial.
@@ -228,8 +231,8 @@ def _measure_world(
         cost=torque_cost(torque[after], trajectory.torque_limit),
         hip_range_deg=hip_range,
         ankle_range_deg=ankle_range,
-        hip_torque_range_nm=float(np.ptp(torque[after, HIP].mean(axis=1))),
-        ankle_torque_range_nm=float(np.ptp(torque[after, ANKLE].mean(axis=1))),
+        hip_torque_range_nm=float(np.ptp(torque[after, HIPS].mean(axis=1))),
+        ankle_torque_range_nm=float(np.ptp(torque[after, ANKLES].mean(axis=1))),
         cop_p05_m=p05,
         cop_p25_m=p25,
         cop_p50_m=p50,

@@ -194,7 +194,11 @@ def _result(row: Mapping[str, str]) -> Result:
     for name, text in row.items():
         group, part = _COLUMNS[name]
         (values if group is None else groups.setdefault(group, {}))[part.name] = _READ[str(part.type)](text)
-    return Result(**values, **{group.name: type(group.default)(**parts) for group, parts in groups.items()})
+    return Result(**values, **{group.name: _type_of(group)(**parts) for group, parts in groups.items()})
+
+
+def _type_of(group: Field[Any]) -> Any:
+    return type(group.default)
 
 
 def _name(group: Field[Any], part: Field[Any]) -> str:
@@ -207,7 +211,7 @@ _COLUMNS: dict[str, tuple[Field[Any] | None, Field[Any]]] = {
     name: entry
     for column in fields(Result)
     for name, entry in (
-        {_name(column, part): (column, part) for part in fields(type(column.default))}
+        {_name(column, part): (column, part) for part in fields(_type_of(column))}
         if "prefix" in column.metadata
         else {column.name: (None, column)}
     ).items()

@@ -59,13 +59,13 @@ def evaluation_columns(rows: Sequence[Result], paper: Paper) -> list[Column[Resu
     Where the rows have the motion of least cost, its ratio and correlation are shown with the shares of time beyond the
     tolerance and with a foot not flat, since the least cost is a bound only where both are zero.
     """
-    published = {row.freq_hz: table_3_at(row.freq_hz, paper) for row in rows}
-    columns = [Column("f [Hz]", lambda row: "ramp" if math.isnan(row.freq_hz) else row.freq_hz, "g")]
+    published = any(table_3_at(row.freq_hz, paper) for row in rows)
+    columns: list[Column[Result]] = [Column("f [Hz]", lambda row: "ramp" if math.isnan(row.freq_hz) else row.freq_hz, "g")]
     columns += [column for column in _CONDITIONS if len({column.get(row) for row in rows}) > 1]
     for name, column in _PUBLISHED.items():
         columns.append(column)
-        if any(published.values()):
-            columns.append(Column("paper", _paper_value(published, name), column.format))
+        if published:
+            columns.append(Column("paper", _paper_value(paper, name), column.format))
     return columns + _MEASURED + (_THEORY if any(row.least is not NO_LEAST for row in rows) else [])
 
 
@@ -86,8 +86,8 @@ def outcome(row: Result) -> str:
     return row.mode if row.valid else "not finite"
 
 
-def _paper_value(published: Mapping[float, Mapping[str, Any]], name: str) -> Callable[[Result], float | str]:
-    return lambda row: published[row.freq_hz].get(name, math.nan)
+def _paper_value(paper: Paper, name: str) -> Callable[[Result], float | str]:
+    return lambda row: table_3_at(row.freq_hz, paper).get(name, math.nan)
 
 
 _CONDITIONS: list[Column[Result]] = [

@@ -13,6 +13,7 @@ from hydra.core.hydra_config import HydraConfig
 from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
+from posture.cli import entry
 from posture.cli.jobs import CONF, plain
 from posture.config.errors import ConfigError
 from posture.config.eval import EvalConfig

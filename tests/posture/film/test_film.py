@@ -211,7 +211,7 @@ def swaying(lag, freq=1.0, seconds=10.0, dt=0.02, fall_step=-1):
     """A stander whose ankle sways with its hip, `lag` [rad] behind it."""
     time = dt * np.arange(1, round(seconds / dt) + 1)
     hip, ankle = (np.radians(a) * np.sin(2 * math.pi * freq * time - b) for a, b in ((10, 0), (5, lag)))
-    angle = np.stack([hip, hip, ankle, ankle], axis=-1)[:, None]
+    angle = np.stack([hip, ankle, hip, ankle], axis=-1)[:, None]
     still = np.zeros((len(time), 1))
     fields = dict.fromkeys(("target_x", "head_x", "head_vx", "cop_x", "torso_height", "foot_displacement"), still)
     trial = dict(
