@@ -31,7 +31,7 @@ class Learner(OnPolicyRunner):
         config = agent.model_dump(mode="json")
         config["logger"] = "tensorboard"
         config["algorithm"]["class_name"] = "posture.learning.ppo:LeanPPO"
-        # rsl-rl would save after iterations 1, 51, ...; `save`, called after each iteration, keeps 50, 100, ... and the last.
+        # rsl-rl would save after iterations 1, 51, ...; `save` is called after each, and keeps 50, 100, ... and the last.
         config["save_interval"] = 1
         config["check_for_nan"] = False  # LeanPPO checks for infinities too, and on all processes together
         self.folder = folder
