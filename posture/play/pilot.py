@@ -14,7 +14,7 @@ from envs.config import EnvConfig
 from posture.config.errors import ConfigError
 from posture.config.eval import LqrConfig
 from posture.config.train import TrainConfig
-from posture.learning.policy import load_policy
+from posture.learning.networks import load_policy
 from posture.play.knobs import Knobs
 from posture.play.planned import Planned
 from posture.play.steered import SteeredEnv, steered_config

@@ -9,7 +9,7 @@ import torch
 from envs.body.joints import BODIES
 from envs.task.head_tracking import HeadTrackingEnv
 from posture.evaluation.rollout import rollout
-from posture.learning.policy import load_policy
+from posture.learning.networks import load_policy
 from posture.play.history import History
 from posture.play.measures import Trail, measure
 from posture.play.pilot import candidates
