@@ -50,7 +50,7 @@ class ReplanningLqr:
         self._update_plan(env, settings)
         self._approach_plan(env.config.control_dt)
         angle, velocity = env.sim.joint_angle[0], env.sim.joint_velocity[0]
-        measured = np.array([float(x[list(kind)].mean()) for x in (angle, velocity) for kind in (HIPS, ANKLES)])
+        measured = np.array([float(x[kind].mean()) for x in (angle, velocity) for kind in (HIPS, ANKLES)])
         drift = env.foot_drift
         deviation = measured - np.concatenate(self._reference(env.phase, settings.freq)[:2])
         deviation[:2] += drift * self._lean_angle

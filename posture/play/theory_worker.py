@@ -19,6 +19,7 @@ from envs.body.segments import Segments
 from envs.config import EnvConfig
 from posture.analysis.coordination import torque_cost
 from posture.analysis.trajectory import Array
+from posture.operating_system import lower_priority
 from posture.theory.motion import joint_arrays
 from posture.theory.optimum import bound
 from posture.theory.program import InfeasibleError
@@ -105,8 +106,7 @@ class TheoryRequest:
 def _start_worker() -> None:
     """In the worker: leave Ctrl-C to the parent, lower the priority, and exit when the parent does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if hasattr(os, "nice"):  # POSIX only
-        os.nice(5)
+    lower_priority(5)
     parent = multiprocessing.parent_process()
     assert parent is not None
 
