@@ -13,7 +13,7 @@ from envs.config import EnvConfig
 from posture.config.errors import ConfigError
 from posture.config.eval import LqrConfig
 from posture.config.train import TrainConfig
-from posture.learning.policy import load_policy
+from posture.learning.networks import load_policy
 from posture.play.environment import PlayEnv, Settings, play_config
 from posture.play.lqr import ReplanningLqr
 from posture.play.theory_worker import TheoryWorker

@@ -12,7 +12,7 @@ from envs.body.model import MJCF
 from envs.task.head_tracking import HeadTrackingEnv
 from posture.config.errors import ConfigError
 from posture.evaluation.rollout import rollout
-from posture.learning.policy import load_policy
+from posture.learning.networks import load_policy
 from posture.play.environment import play_config
 from posture.play.lqr import ReplanningLqr
 from posture.play.policies import policy_choices
