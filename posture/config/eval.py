@@ -18,9 +18,7 @@ from envs.config import (
     check_followed,
 )
 from posture.config.device import check_engine
-from posture.config.environment import Environment
 from posture.config.fields import PathText, Tolerance
-from posture.config.published import Paper
 
 MAX_SAMPLES = 10_000_000
 """Control steps times worlds of one evaluation: what is recorded of so many takes some gigabytes of memory."""
@@ -51,7 +49,7 @@ class EnvChanges(Strict):
 class LqrConfig(Strict):
     """The model-based controller (posture/theory/lqr.py), and the environment that it acts in before `EnvChanges`."""
 
-    env: Environment
+    env: EnvConfig
     angle: Annotated[float, Field(ge=0.001, le=10)]
     velocity: Annotated[float, Field(ge=0.001, le=1000)]
     torque: Annotated[float, Field(ge=0.001, le=1000)]
@@ -71,7 +69,6 @@ class EvalConfig(Strict):
     again: bool
     env: EnvChanges
     evaluation: EvaluationConfig
-    paper: Paper
 
     @model_validator(mode="after")
     def _consistent(self) -> "EvalConfig":

@@ -4,11 +4,9 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from envs.config import AnkleStiffness, Freq, HipStiffness, Load, Strict
-from posture.config.environment import Environment
+from envs.config import AnkleStiffness, EnvConfig, Freq, HipStiffness, Load, Strict
 from posture.config.eval import EvaluationConfig
 from posture.config.fields import PathText, Tolerance
-from posture.config.published import Paper
 
 MAX_VALUES = 10_000
 """Points of a table or of the map: each is an optimisation of some milliseconds."""
@@ -49,7 +47,7 @@ class Around(Strict):
 class TheoryConfig(Strict):
     """Everything that `posture.theory` is told."""
 
-    env: Environment
+    env: EnvConfig
     evaluation: EvaluationConfig
     tolerance: Tolerance | None
     out: PathText | None
@@ -58,7 +56,6 @@ class TheoryConfig(Strict):
     experiment_4b: Experiment4b
     figure_13: Figure13
     around: Around
-    paper: Paper
 
     @property
     def head_tolerance(self) -> float:
