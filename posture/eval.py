@@ -8,26 +8,30 @@ python -m posture.eval policy=lqr                        # the model-based contr
 """
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from posture.analysis.coordination import Row, write_csv
 from posture.cli import entry
-from posture.cli.jobs import identity
-from posture.cli.ranges import override_slug
+from posture.cli.jobs import identity, override_slug
 from posture.cli.sweep import status
 from posture.config.errors import ConfigError
 from posture.config.eval import EnvChanges, EvalConfig
 from posture.config.train import TrainConfig
-from posture.storage import checkpoint, run_dir
+from posture.storage import run_dir
+
+if TYPE_CHECKING:
+    from posture.analysis.coordination import Row
+
+# Modules that import torch or the physics are imported inside functions: bad input must not wait for them.
 
 
 def evaluate_all(config: EvalConfig, job: Path) -> None:
-    """Evaluate every checkpoint that `ckpt` means, each into its own folder; of several also one table of all.
+    """Evaluate every checkpoint that `ckpt` names, each into its own folder; several also share one table.
 
-    `job`: the folder of a sweep's job, which holds that table, and all else too where the sweep is an experiment's.
+    `job`: the folder of a sweep's job. The shared table goes there, and so does everything else where the
+    sweep is that of an experiment.
     """
     out = None if config.out is None else run_dir.writable(Path(config.out))
     if config.policy == "lqr":
-        # Only now, so that bad input is answered before physics takes seconds to import.
         from posture.evaluation.trial import evaluate_lqr
 
         folder = out or Path(run_dir.folder_for(str(run_dir.RUNS), None)) / "evaluation"
@@ -36,14 +40,16 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
     in_experiment = entry.in_sweep() and entry.experiment() is not None
     models = run_dir.find_checkpoints(config.ckpt, only_current if in_experiment else None)
     runs = [run_dir.read_config(model.parent) for model in models]
+    # All checkpoints are checked, which needs torch but no physics, before the first is evaluated.
     from posture.learning.policy import load_policy
+    from posture.storage import checkpoint
 
     for model, run in zip(models, runs, strict=True):
         load_policy(checkpoint.load(model, "cpu"), run, model, "cpu")
-    # Only now, so that a checkpoint that is none, or another run's, is told of before physics takes seconds to import.
+    from posture.analysis.coordination import write_csv
     from posture.evaluation.trial import condition, evaluate
 
-    everything: list[Row] = []
+    all_rows: list[Row] = []
     home = None
     for model, run in zip(models, runs, strict=True):
         if run_dir.is_shipped(model):
@@ -55,10 +61,10 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
         if in_experiment and out is None:
             folder = job / model.parent.name
         rows = evaluate(model, run, config.evaluation, config.env, config.device, folder, config.again)
-        everything += [condition(run, config.env) | {"run": model.parent.name} | row for row in rows]
+        all_rows += [condition(run, config.env) | {"run": model.parent.name} | row for row in rows]
     if len(models) > 1 or in_experiment:
         table = (out or (job if entry.in_sweep() else Path(config.ckpt))) / "metrics.csv"
-        write_csv(everything, table)
+        write_csv(all_rows, table)
         print(f"all runs: {table}")
 
 

@@ -79,13 +79,13 @@ class Learner(OnPolicyRunner):
         rsl-rl asks after every iteration, so this is also where a training that a signal has asked to stop does.
         """
         self._done = done = self.current_learning_iteration + 1
-        stop = parallel.any_of(bool(signals.asked()), self.device)
+        stop = parallel.any_of(bool(signals.pending()), self.device)
         if stop or done % self._save_interval == 0 or done == self._last:
             self._save(done, Path(path).with_name(f"model_{done}.pt"), infos)
         if stop:
             if parallel.rank() == 0:
                 print(f"\nstopped after iteration {done}: saved in {self.folder}, resume goes on from there", flush=True)
-            raise signals.Stopped(signals.asked() or signal.SIGTERM)
+            raise signals.Stopped(signals.pending() or signal.SIGTERM)
 
     def _save(self, done: int, model: Path, infos: dict[str, Any] | None) -> None:
         states = parallel.gather(self._own_state())

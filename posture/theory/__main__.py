@@ -7,7 +7,6 @@ python -m posture.theory -m env.hip_k=75,125 env.load=0,4
 
 from pathlib import Path
 
-from posture.analysis.coordination import write_csv
 from posture.cli import entry
 from posture.config.errors import ConfigError
 from posture.config.theory import TheoryConfig
@@ -17,7 +16,8 @@ from posture.storage import run_dir
 def theory(config: TheoryConfig, folder: Path) -> None:
     """Print and write the tables, and draw the map, of one stander."""
     out = run_dir.writable(folder / "theory" if config.out is None else Path(config.out))
-    # Only now, so that bad input is answered before physics takes seconds to import.
+    # Imported here because they are slow.
+    from posture.analysis.coordination import write_csv
     from posture.theory import tables
     from posture.theory.figures import draw_map
     from posture.theory.program import InfeasibleError
