@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from posture.analysis.trajectory import ANKLE, HIP, Array, Trajectory
+from envs.body.joints import ANKLES, HIPS
+from posture.analysis.trajectory import Array, Trajectory
 from posture.storage.atomic import replacing
 
 Row = dict[str, Any]
@@ -265,8 +266,8 @@ def _measure(trajectory: Trajectory, w: int, transient_s: float, tolerance_m: fl
         cost=torque_cost(torque[after], trajectory.torque_limit),
         hip_range_deg=hip_range,
         ankle_range_deg=ankle_range,
-        hip_torque_range_nm=float(np.ptp(torque[after, HIP].mean(axis=1))),
-        ankle_torque_range_nm=float(np.ptp(torque[after, ANKLE].mean(axis=1))),
+        hip_torque_range_nm=float(np.ptp(torque[after, HIPS].mean(axis=1))),
+        ankle_torque_range_nm=float(np.ptp(torque[after, ANKLES].mean(axis=1))),
         **{f"cop_p{p:02d}_m": float(x) for p, x in zip(COP_PERCENTILES, cop, strict=True)},
         foot_not_flat_share=float(np.mean(~trajectory.foot_flat[after, w])),
         foot_displacement_max_m=float(trajectory.foot_displacement[:, w].max()),

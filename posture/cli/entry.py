@@ -1,6 +1,7 @@
 """From a command line to a task: Hydra composes the configuration, and we check it.
 
-Bad input is answered in one line and exit code 2. Every job of a sweep is checked before the first one starts. A job that fails does not stop the others; the summary names it.
+Bad input is answered in one line and exit code 2. Every job of a sweep is checked before the first one starts. A job that
+fails does not stop the others; the summary names it.
 """
 
 import contextlib
@@ -32,8 +33,8 @@ _BAD_INPUT = (ConfigError, HydraException, OmegaConfBaseException)
 def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> None:
     """Run a command: `task(config, folder)` for each job of the command line, `folder` being the job's own.
 
-    The configuration is conf/`name`.yaml with the command line's overrides, checked as `kind`. Exits with 2 on bad input, with
-    1 if a job failed at run time, and with 130 or 143 if SIGINT or SIGTERM stopped it.
+    The configuration is conf/`name`.yaml with the command line's overrides, checked as `kind`. Exits with 2 on bad input,
+    with 1 if a job failed at run time, and with 130 or 143 if SIGINT or SIGTERM stopped it.
     """
     # Hydra would otherwise print a task's errors itself and exit with 1.
     os.environ["HYDRA_FULL_ERROR"] = "1"
@@ -100,8 +101,7 @@ def _run_single(kind: type[Config], task: Callable[[Config, Path], None], compos
 def _run_sweep(
     command: jobs.Command, kind: type[Config], task: Callable[[Config, Path], None], progress: sweep.SweepProgress
 ) -> None:
-    """Run all jobs. The basic launcher runs one at a time, and each is announced; others run several, and progress is printed
-    at intervals."""
+    """Run all jobs. The basic launcher announces each of them; others, which run several at once, report at intervals."""
     parallel = command.launcher != "basic"
     numbers = {} if parallel else {os.path.abspath(job.folder): number for number, job in enumerate(command.jobs, 1)}
 

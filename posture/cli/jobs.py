@@ -38,7 +38,7 @@ from posture.storage import run_dir
 from posture.storage.code_version import envs_version
 
 _PACKAGE = Path(__file__).resolve().parents[1]
-CONF = next((folder for folder in (_PACKAGE / "conf", _PACKAGE.parent / "conf") if folder.is_dir()), _PACKAGE / "conf")
+CONF = next(folder for folder in (_PACKAGE / "conf", _PACKAGE.parent / "conf") if folder.is_dir())
 """Folder of the configuration files: inside the package where it was installed from a wheel, beside it in a checkout."""
 
 DECIDES_THE_POLICY = {"env", "agent", "seed", "processes", "max_iterations"}

@@ -10,6 +10,8 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
+from posture import operating_system
+
 NUMBERS = (signal.SIGINT, signal.SIGTERM)
 _pending = 0
 _deferring = False
@@ -41,7 +43,7 @@ def handled() -> Iterator[None]:
 
 @contextlib.contextmanager
 def deferred() -> Iterator[None]:
-    """In this context the first signal is only noted in `pending`, so that work can end cleanly; a second raises `Stopped`."""
+    """In this context the first signal is only noted in `pending`, for work to end cleanly; a second raises `Stopped`."""
     global _pending, _deferring
     with handled():
         _pending, _deferring = 0, True
@@ -59,11 +61,8 @@ def pending() -> int:
 @contextlib.contextmanager
 def blocked() -> Iterator[None]:
     """In this context both signals are held back until its end. Processes started in it never receive them."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, NUMBERS)
-    try:
+    with operating_system.block_signals(NUMBERS):
         yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _handle(number: int, frame: FrameType | None) -> None:

@@ -14,13 +14,14 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from envs.body.joints import ANKLE, HIP
 from envs.body.segments import Segments
 from posture.analysis.coordination import Row
 from posture.config.theory import TheoryConfig
 from posture.drawing.style import GREY, MODE_COLOUR, STYLE
 from posture.theory.motion import Motion
 from posture.theory.optimum import cheapest_sinusoid
-from posture.theory.stander import ANKLE, HIP, linearise
+from posture.theory.stander import linearise
 from posture.theory.tables import varied
 from posture.theory.transition import sinusoid_transition
 

@@ -8,9 +8,10 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from envs.body.joints import ANKLE, HIP
 from posture.analysis.coordination import Row, correlation, energy, mode, torque_cost
 from posture.analysis.trajectory import Array
-from posture.theory.stander import ANKLE, HIP, JOINTS_OF_A_KIND, Stander
+from posture.theory.stander import JOINTS_OF_A_KIND, Stander
 
 SAMPLES = 1000
 """Instants of a cycle at which indices are read; a joint range is then short by less than 0.01 %."""
@@ -91,11 +92,11 @@ class MotionIndices:
 
 
 def joint_arrays(motion: Motion, samples: int = SAMPLES) -> tuple[Array, Array]:
-    """Torque [Nm] and velocity [rad/s] of all four joints over one cycle, (samples, 4), order of `trajectory.JOINTS`."""
+    """Torque [Nm] and velocity [rad/s] of all four joints over one cycle, (samples, 4), order of `JOINTS`."""
     time = motion.cycle(samples)
     return (
-        np.repeat(motion.torque(time), JOINTS_OF_A_KIND, axis=1),
-        np.repeat(motion.velocity(time), JOINTS_OF_A_KIND, axis=1),
+        np.tile(motion.torque(time), JOINTS_OF_A_KIND),
+        np.tile(motion.velocity(time), JOINTS_OF_A_KIND),
     )
 
 

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from envs.body.joints import ANKLES, HIPS
 from posture.analysis.coordination import (
     circular_mean_sd,
     correlation,
@@ -104,7 +105,7 @@ UNDEFINED = ("hip_ankle_r", "relative_phase_paper_rad", "relative_phase_deg", "p
 def test_a_flat_joint_is_undefined_in_every_table(tmp_path_factory, which, level, ripple):
     """Neither 0 nor nan is shown: the mode is "undefined" and numbers are a dash. `ripple` [deg] is below what counts."""
     angle = trial(0.5).joint_angle.copy()
-    for joint, columns in (("hip", slice(0, 2)), ("ankle", slice(2, 4))):
+    for joint, columns in (("hip", HIPS), ("ankle", ANKLES)):
         if which in (joint, "both"):
             angle[..., columns] = level + math.radians(ripple) * wave(0.5)[:, None, None]
     found = row(trial(0.5, joint_angle=angle))

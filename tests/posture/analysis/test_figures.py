@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 
+from envs.body.joints import ANKLES
 from posture.analysis import figures
 from posture.analysis.coordination import Row, indices
 from posture.analysis.trajectory import Trajectory
@@ -36,7 +37,7 @@ def sweep(freq: list[float], fall_step: list[int] | None = None, **changes: Any)
     f, time = np.array(freq), np.arange(STEPS) * DT
     angle = 2 * np.pi * np.nan_to_num(f, nan=0.5) * time[:, None]
     hip, ankle = -0.1 * np.cos(angle) * np.where(f < 0.75, 1, -1), -0.05 * np.cos(angle + 0.2)
-    joints = np.stack([hip, hip, ankle, ankle], axis=-1)
+    joints = np.stack([hip, ankle, hip, ankle], axis=-1)
     shape = angle.shape
     fields: dict[str, Any] = {
         "time": time, "freq": f, "hip_k": np.full(len(f), 125.0), "ankle_k": np.full(len(f), 25.0),
@@ -95,7 +96,7 @@ def test_the_data_is_drawn(name: str, tmp_path: Path) -> None:
         head_x=head,
         head_vx=2 * calm.head_vx,
         cop_x=calm.cop_x**2 * 10,
-        joint_angle=calm.joint_angle * [2, 2, -1, -1],
+        joint_angle=calm.joint_angle * [2, -1, 2, -1],
         joint_torque=3 * calm.joint_torque,
     )
     drawing(name, calm, None, tmp_path / "calm.png")
@@ -163,7 +164,7 @@ def test_units_are_on_the_axes(tmp_path: Path) -> None:
 
 def test_a_still_joint_is_shown_as_undefined(tmp_path: Path) -> None:
     angle = sweep([0.3, 0.6]).joint_angle.copy()
-    angle[:, 0, 2:] = 0.01
+    angle[:, 0, ANKLES] = 0.01
     for name, label in {"coordination": "ours, undefined", "angle_plots": "undefined"}.items():
         assert label in text_of(name, sweep([0.3, 0.6], joint_angle=angle), None, tmp_path)
         assert label not in text_of(name, sweep([0.3, 0.6]), None, tmp_path)
