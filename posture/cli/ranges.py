@@ -21,7 +21,7 @@ def expand_ranges(overrides: Iterable[str]) -> list[str]:
 
     Raises ConfigError where the dots do not stand for one arithmetic progression.
     """
-    return [_expand(override) if ".." in override or "…" in override else override for override in overrides]
+    return [_expand(override) if ".." in override else override for override in overrides]
 
 
 def _expand(override: str) -> str:
@@ -37,7 +37,7 @@ def _expand(override: str) -> str:
 
 def _has_dots(value: Any) -> bool:
     """Whether an unquoted value is dots, alone or attached to a number, and not a path such as ../runs."""
-    return isinstance(value, str) and re.fullmatch(r"[0-9+.…-]*(\.\.|…)[0-9+.…-]*", value) is not None
+    return isinstance(value, str) and re.fullmatch(r"[0-9+.-]*\.\.[0-9+.-]*", value) is not None
 
 
 def _progression(values: Sequence[Any]) -> list[int] | list[float]:

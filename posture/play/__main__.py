@@ -25,7 +25,7 @@ def play(config: PlayConfig, _folder: Path) -> None:
 
     if find_spec("viser") is None:
         raise ConfigError("the page needs viser: python -m pip install -c constraints.txt -e '.[play]'")
-    # Only now, so that bad input is answered before physics takes seconds to import.
+    # Imported here because they are slow.
     if config.record is not None:
         from posture.play.record import record
 
@@ -37,9 +37,9 @@ def play(config: PlayConfig, _folder: Path) -> None:
 
 
 def main() -> None:
-    """The command `python -m posture.play`; Ctrl-C ends it with exit code 130, SIGTERM with 143, while it starts, too."""
+    """The command `python -m posture.play`; Ctrl-C ends it with exit code 130, SIGTERM with 143, also during its start."""
     with signals.handled():
-        # Only now: these take seconds, in which Ctrl-C must work.
+        # Imported here because they are slow, and Ctrl-C must work meanwhile.
         from posture.cli import entry
         from posture.config.play import PlayConfig
 
