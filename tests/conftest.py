@@ -1,19 +1,18 @@
 """Shared fixtures: configurations composed from conf/, and one small simulation that several tests look at."""
 
+import functools
 import os
 import signal
 from collections.abc import Callable
 from pathlib import Path
 
-import hydra
 import pytest
 import torch
 
 from envs.body.segments import Segments
 from envs.config import EnvConfig
-from posture.cli.jobs import CONF, plain
+from posture.cli import jobs
 from posture.config.eval import EvalConfig
-from posture.config.reading import read
 from posture.config.train import TrainConfig
 from posture.theory.stander import segments
 
@@ -25,16 +24,16 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+@functools.cache
 def compose(*overrides: str) -> TrainConfig:
     """The checked training configuration that these overrides give."""
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        return read(TrainConfig, plain(hydra.compose("train", list(overrides))))
+    return jobs.compose("train", TrainConfig, *overrides)
 
 
+@functools.cache
 def compose_eval(*overrides: str) -> EvalConfig:
     """The checked evaluation configuration that these overrides give."""
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        return read(EvalConfig, plain(hydra.compose("eval", list(overrides))))
+    return jobs.compose("eval", EvalConfig, *overrides)
 
 
 @pytest.fixture(scope="session")

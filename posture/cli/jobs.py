@@ -17,7 +17,7 @@ import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 import hydra
 from hydra.core.global_hydra import GlobalHydra
@@ -36,6 +36,8 @@ from posture.config.reading import read
 from posture.config.train import TrainConfig
 from posture.storage import run_dir
 from posture.storage.code_version import envs_version
+
+Config = TypeVar("Config", bound=BaseModel)
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 CONF = next(folder for folder in (_PACKAGE / "conf", _PACKAGE.parent / "conf") if folder.is_dir())
@@ -171,10 +173,10 @@ def _combinations(overrides: Sequence[Override]) -> list[tuple[str, ...]]:
     return list(itertools.product(*values.values()))
 
 
-def compose(name: str, overrides: Sequence[str] = ()) -> dict[str, Any]:
-    """conf/`name`.yaml with `overrides`, as plain values, unchecked."""
+def compose(name: str, kind: type[Config], *overrides: str) -> Config:
+    """The checked configuration conf/`name`.yaml with `overrides`, for use outside a command."""
     with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        return plain(hydra.compose(name, list(overrides)))
+        return read(kind, plain(hydra.compose(name, list(overrides))))
 
 
 def plain(composed: DictConfig) -> dict[str, Any]:

@@ -5,16 +5,14 @@ import os
 import subprocess
 import sys
 
-import hydra
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
 from posture.analysis.trajectory import Trajectory
-from posture.cli.jobs import CONF, plain
+from posture.cli import jobs
 from posture.config.errors import RunError
 from posture.config.film import FilmConfig
-from posture.config.reading import read
 from posture.drawing.silhouette import TARGET_COLOUR
 from posture.drawing.style import BLUE, FALL_COLOUR, RED
 from posture.film import trials as film_trials
@@ -38,8 +36,7 @@ def _elsewhere(tmp_path, monkeypatch):
 
 
 def configured(*overrides):
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        return read(FilmConfig, plain(hydra.compose("film", list(overrides))))
+    return jobs.compose("film", FilmConfig, *overrides)
 
 
 # -- the command ------------------------------------------------------------------------------------------------------

@@ -2,19 +2,15 @@
 
 from concurrent.futures import Future
 
-import hydra
-
-from posture.cli.jobs import CONF, plain
+from posture.cli import jobs
 from posture.config.play import PlayConfig
-from posture.config.reading import read
 from posture.play.pilot import candidates
 from posture.play.session import Session
 
 
 def compose_play(*overrides):
     """The checked configuration that these overrides give."""
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        return read(PlayConfig, plain(hydra.compose("play", list(overrides))))
+    return jobs.compose("play", PlayConfig, *overrides)
 
 
 class Inline:

@@ -112,13 +112,7 @@ def test_bad_input_gets_one_line(monkeypatch, capsys, arguments, expected):
 
 
 def test_where_no_tolerance_ends_the_episode_that_of_the_evaluation_counts():
-    import hydra
-
-    from posture.config.reading import read as checked
-
-    GlobalHydra.instance().clear()
-    with hydra.initialize_config_dir(str(jobs.CONF), version_base="1.3"):
-        config = checked(TheoryConfig, jobs.plain(hydra.compose("theory", ["env=paper"])))
+    config = jobs.compose("theory", TheoryConfig, "env=paper")
     assert config.tolerance is None and config.head_tolerance == config.evaluation.tolerance
 
 
