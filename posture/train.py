@@ -32,12 +32,13 @@ def train(config: TrainConfig, folder: Path) -> None:
 
 
 def _train(config: TrainConfig, folder: Path) -> None:
-    from posture.learning import parallel, policy
+    from posture.learning import parallel
+    from posture.learning.resume import iterations_done
 
     if config.resume is not None:
         config = _resumed(config, folder)
     started_before = config.resume is not None or (folder / "resume.pt").exists()
-    done = policy.iterations_done(folder) if started_before else 0
+    done = iterations_done(folder) if started_before else 0
     if done < config.max_iterations:
         with parallel.worker_processes(config.processes, config.device, _learn, config, folder, done > 0):
             _learn(config, folder, done > 0)
@@ -84,7 +85,7 @@ def _learn(config: TrainConfig, folder: Path, resume: bool) -> None:
 
 def _resumed(config: TrainConfig, folder: Path) -> TrainConfig:
     """The configuration of the run in `folder`, with the keys that the command line changes."""
-    from posture.learning import policy
+    from posture.learning.resume import iterations_done
 
     changed = entry.overridden_keys()
     if changed - RESUME_KEYS:
@@ -99,7 +100,7 @@ def _resumed(config: TrainConfig, folder: Path) -> TrainConfig:
         check_engine(merged.env.physics, merged.device)
     except ValueError as error:
         raise ConfigError(str(error)) from None
-    done = policy.iterations_done(folder)
+    done = iterations_done(folder)
     if merged.max_iterations <= done:
         raise ConfigError(
             f"max_iterations = {merged.max_iterations}: {folder} has already done {done}; it is a total, so give a larger "

@@ -26,7 +26,7 @@ def export(config: ExportConfig, job: Path) -> None:
     (model,) = models
     # Imported here, and in the functions below, because they are slow.
     from posture.export import onnx_policy
-    from posture.learning.policy import load_policy
+    from posture.learning.networks import load_policy
     from posture.storage import checkpoint
 
     run = run_dir.read_config(model.parent)
@@ -51,7 +51,7 @@ def write_trajectories(config: ExportConfig, model: Path, run: TrainConfig, out:
     from posture.evaluation.rollout import rollout
     from posture.evaluation.trial import trial_config
     from posture.export.recording import write_csv, write_sto
-    from posture.learning.policy import load_policy
+    from posture.learning.networks import load_policy
     from posture.learning.progress import preparing
     from posture.storage import checkpoint
 
@@ -93,7 +93,7 @@ def write_trajectories(config: ExportConfig, model: Path, run: TrainConfig, out:
 def write_policy(model: Path, run: TrainConfig, out: Path) -> None:
     """Write the policy of checkpoint `model` as `out`/policy.onnx."""
     from posture.export import onnx_policy
-    from posture.learning.policy import load_policy
+    from posture.learning.networks import load_policy
     from posture.storage import checkpoint
 
     run_dir.writable(out)

@@ -19,7 +19,7 @@ from posture.evaluation.rollout import rollout
 from posture.evaluation.trial import trial_config
 from posture.film.motion import at_frames, running_correlation
 from posture.film.scene import Film, Ramp, TwoModes
-from posture.learning.policy import load_policy
+from posture.learning.networks import load_policy
 from posture.learning.progress import preparing
 from posture.storage import checkpoint
 

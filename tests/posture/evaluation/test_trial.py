@@ -7,7 +7,7 @@ from posture.config.errors import ConfigError
 from posture.config.eval import EnvChanges
 from posture.evaluation.trial import AS_TRAINED, published, trial_config
 from posture.learning.learner import Learner
-from posture.learning.policy import load_policy
+from posture.learning.networks import load_policy
 from tests.conftest import compose
 
 

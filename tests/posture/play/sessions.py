@@ -1,11 +1,13 @@
-"""What the tests of the page share: its configuration, and an office that answers at once."""
+"""Shared by the tests of the page: its configuration, and sessions whose theory is computed at once."""
 
 from concurrent.futures import Future
 
 from posture.cli import jobs
 from posture.config.play import PlayConfig
-from posture.play.pilot import candidates
+from posture.play.policies import policy_choices
 from posture.play.session import Session
+
+DT = 0.0166
 
 
 def compose_play(*overrides):
@@ -13,8 +15,8 @@ def compose_play(*overrides):
     return jobs.compose("play", PlayConfig, *overrides)
 
 
-class Inline:
-    """An `Office` that computes in this thread, while it is asked."""
+class InlineWorker:
+    """A `TheoryWorker` that computes in the calling thread."""
 
     def submit(self, function, *arguments):
         future = Future()
@@ -25,16 +27,16 @@ class Inline:
         return future
 
 
-def session(body, *overrides):
+def new_session(body, *overrides):
     """A session with these overrides."""
     config = compose_play(*overrides)
-    return Session(config, candidates(config.ckpt, config.lqr), body, Inline())
+    return Session(config, policy_choices(config.ckpt, config.lqr), body, InlineWorker())
 
 
-def walk(session, seconds):
-    """Let it go on for so long; the states."""
-    seen = []
+def advance(session, seconds):
+    """Step for `seconds`; the states."""
+    states = []
     for _ in range(round(seconds / session.dt)):
         session.step()
-        seen.append(session.state)
-    return seen
+        states.append(session.state)
+    return states
