@@ -23,6 +23,7 @@ from pydantic import BaseModel
 
 from posture.cli import jobs, signals, sweep
 from posture.config.errors import ConfigError, RunError
+from posture.config.published import CONF
 from posture.config.reading import read
 
 Config = TypeVar("Config", bound=BaseModel)
@@ -123,7 +124,7 @@ def _run_sweep(
 
 
 def _start(command: jobs.Command, job: Callable[[DictConfig], None]) -> None:
-    hydra.main(version_base="1.3", config_path=str(jobs.CONF), config_name=command.config_name)(job)()
+    hydra.main(version_base="1.3", config_path=str(CONF), config_name=command.config_name)(job)()
 
 
 def _refuse(error: Exception) -> NoReturn:

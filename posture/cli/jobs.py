@@ -32,16 +32,13 @@ from pydantic import BaseModel
 from posture.cli.ranges import expand_ranges
 from posture.config.device import check_device
 from posture.config.errors import ConfigError
+from posture.config.published import CONF, without_published
 from posture.config.reading import read
 from posture.config.train import TrainConfig
 from posture.storage import run_dir
 from posture.storage.code_version import envs_version
 
 Config = TypeVar("Config", bound=BaseModel)
-
-_PACKAGE = Path(__file__).resolve().parents[1]
-CONF = next(folder for folder in (_PACKAGE / "conf", _PACKAGE.parent / "conf") if folder.is_dir())
-"""Folder of the configuration files: inside the package where it was installed from a wheel, beside it in a checkout."""
 
 DECIDES_THE_POLICY = {"env", "agent", "seed", "processes", "max_iterations"}
 """Keys of a training on which its policy depends."""
@@ -180,9 +177,11 @@ def compose(name: str, kind: type[Config], *overrides: str) -> Config:
 
 
 def plain(composed: DictConfig) -> dict[str, Any]:
-    """A composed configuration, without Hydra's own part, as plain values."""
+    """A composed configuration as plain values, without Hydra's own part and the published numbers."""
     own = {str(key): composed[key] for key in composed if key != "hydra"}
-    return {key: OmegaConf.to_container(v, resolve=True) if OmegaConf.is_config(v) else v for key, v in own.items()}
+    return without_published(
+        {key: OmegaConf.to_container(v, resolve=True) if OmegaConf.is_config(v) else v for key, v in own.items()}
+    )
 
 
 def sweep_folder(parent: str, experiment: str | None) -> str:

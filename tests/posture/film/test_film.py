@@ -10,7 +10,6 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from posture.analysis.trajectory import Trajectory
-from posture.cli import jobs
 from posture.config.errors import RunError
 from posture.config.film import FilmConfig
 from posture.drawing.silhouette import TARGET_COLOUR
@@ -23,6 +22,7 @@ from posture.storage import run_dir
 from posture.storage.run_dir import PRETRAINED
 from tests import commands
 from tests.commands import refused
+from tests.conftest import composed
 from tests.posture.film.test_video import decoded_gif, decoded_mp4
 
 HEIGHT = 1.7  # of the target [m], paper Table 1
@@ -36,7 +36,7 @@ def _elsewhere(tmp_path, monkeypatch):
 
 
 def configured(*overrides):
-    return jobs.compose("film", FilmConfig, *overrides)
+    return composed("film", FilmConfig, overrides)
 
 
 # -- the command ------------------------------------------------------------------------------------------------------

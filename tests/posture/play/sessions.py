@@ -2,17 +2,17 @@
 
 from concurrent.futures import Future
 
-from posture.cli import jobs
 from posture.config.play import PlayConfig
 from posture.play.policies import policy_choices
 from posture.play.session import Session
+from tests.conftest import composed
 
 DT = 0.0166
 
 
 def compose_play(*overrides):
     """The checked configuration that these overrides give."""
-    return jobs.compose("play", PlayConfig, *overrides)
+    return composed("play", PlayConfig, overrides)
 
 
 class InlineWorker:
