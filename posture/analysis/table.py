@@ -79,13 +79,6 @@ def table_3_at(freq: float, paper: Paper) -> dict[str, Any]:
     return {}
 
 
-def outcome(row: Result) -> str:
-    """The mode of a world; where it is not valid, why."""
-    if row.fell:
-        return f"fell {row.fall_time_s:.1f} s"
-    return row.mode if row.valid else "not finite"
-
-
 def _paper_value(paper: Paper, name: str) -> Callable[[Result], float | str]:
     return lambda row: table_3_at(row.freq_hz, paper).get(name, math.nan)
 
@@ -97,7 +90,7 @@ _CONDITIONS: list[Column[Result]] = [
 ]
 # By the names of the columns of table_3 in conf/paper.yaml.
 _PUBLISHED: dict[str, Column[Result]] = {
-    "mode": Column("mode", outcome),
+    "mode": Column("mode", lambda row: row.outcome),
     "target_head_r": Column("target-head r", lambda row: row.target_head_r, ".4f"),
     "head_amplitude_m": Column("amplitude [m]", lambda row: row.head_amplitude_m, ".4f"),
     "head_speed_mps": Column("speed [m/s]", lambda row: row.head_speed_mps, ".4f"),
