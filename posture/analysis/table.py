@@ -11,9 +11,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from tabulate import tabulate
+import tabulate
 
 from posture.analysis.results import NO_LEAST, Result
+
+tabulate.MIN_PADDING = 0  # no more than the two spaces between columns, so that a table fits a terminal
 
 Paper = Mapping[str, Any] | None
 T = TypeVar("T")
@@ -49,7 +51,7 @@ def _layout(rows: Iterable[T], columns: Sequence[Column[T]], layout: str) -> str
     separator = "\n" if layout == "simple" else " "
     headings = [separator.join(column.heading.rsplit(" ", 1)) for column in columns]
     cells = [[column.cell(row) for column in columns] for row in rows]
-    return tabulate(cells, headings, layout, stralign="right", disable_numparse=True)
+    return tabulate.tabulate(cells, headings, layout, stralign="right", disable_numparse=True)
 
 
 def evaluation_columns(rows: Sequence[Result], paper: Paper) -> list[Column[Result]]:
