@@ -7,7 +7,6 @@ from pydantic import Field, model_validator
 from envs.config import Amplitude, AnkleStiffness, Freq, HipStiffness, Load, Strict
 from posture.config.eval import EvaluationConfig, LqrConfig
 from posture.config.fields import PathText, Share, Tolerance
-from posture.config.published import Paper
 
 Step = Annotated[float, Field(gt=0, le=1000)]
 Force = Annotated[float, Field(gt=0, le=10_000)]
@@ -85,7 +84,6 @@ class PlayConfig(Strict):
     recording: Recording
     lqr: LqrConfig
     evaluation: EvaluationConfig
-    paper: Paper
 
     @model_validator(mode="after")
     def _within_the_sliders(self) -> "PlayConfig":

@@ -13,6 +13,7 @@ from posture.analysis.ramp import ramp_frequency
 from posture.analysis.trajectory import Trajectory
 from posture.config.eval import EnvChanges
 from posture.config.film import FilmConfig
+from posture.config.published import read_published
 from posture.config.train import TrainConfig
 from posture.evaluation.rollout import rollout
 from posture.evaluation.trial import open_trial, trial_config
@@ -51,7 +52,7 @@ def ramp(config: FilmConfig, model: Path, run: TrainConfig) -> Film:
     motion = sample(trial, 0, freq, centred, 0.0, time)
     trace = sample(trial, 0, math.nan, centred, 0.0, trial.time)
     trailing = np.interp(time, trial.time, trailing)
-    paper_hz = float(config.paper["experiment_4a"]["transition_hz"])
+    paper_hz = read_published().experiment_4a.transition_hz
     return RampFilm(motion, trailing, trace, window, config.width, *_target(config, run), paper_hz)
 
 
@@ -66,9 +67,9 @@ def _roll_out(config: FilmConfig, model: Path, run: TrainConfig, schedule: Ramp 
 
 def _window(config: FilmConfig, run: TrainConfig) -> tuple[int, float]:
     """Window of the running correlation [control steps], and the motion [rad] below which a joint counts as still."""
-    return int(config.paper["experiment_4a"]["window_steps"]), math.radians(run.evaluation.still_joint_deg)
+    return read_published().experiment_4a.window_steps, math.radians(run.evaluation.still_joint_deg)
 
 
 def _target(config: FilmConfig, run: TrainConfig) -> tuple[float, float]:
     """Height of the target and the length of its path [m]."""
-    return float(config.paper["table_1"]["target_height_m"]), 2 * (config.env.amplitude or run.env.amplitude)
+    return read_published().table_1.target_height_m, 2 * (config.env.amplitude or run.env.amplitude)

@@ -19,6 +19,7 @@ import viser
 from envs.body.segments import Segments
 from posture.config.errors import ConfigError
 from posture.config.play import PlayConfig
+from posture.config.published import read_published
 from posture.play.panel import Panel
 from posture.play.plots import Plots
 from posture.play.policies import PolicyChoice, policy_choices
@@ -143,7 +144,7 @@ class Visitor(threading.Thread):
         gui.main_panel.dock_right()
         gui.main_panel.set_width(310)
         aim_camera(client.camera)
-        self._scene = Scene(client.scene, self.session.sole, config.paper["table_1"]["target_height_m"])
+        self._scene = Scene(client.scene, self.session.sole, read_published().table_1.target_height_m)
 
     def stop(self) -> None:
         """End the thread after its present step."""
