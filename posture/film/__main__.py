@@ -24,7 +24,7 @@ def film(config: FilmConfig, job: Path) -> None:
         raise ConfigError(f"ckpt: {config.ckpt} holds {len(models)} policies; a film shows one: give the folder of its run")
     run = run_dir.read_config(models[0].parent)
     out = run_dir.writable(Path(config.out or run_dir.folder_for(str(run_dir.RUNS), None)))
-    # Only now, so that bad input is answered before physics takes seconds to import.
+    # Imported here because they are slow.
     from posture.film.trials import ramp, two_modes
     from posture.film.video import write_gif, write_mp4
 
