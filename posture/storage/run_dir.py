@@ -22,6 +22,7 @@ from posture.config.errors import ConfigError
 from posture.config.reading import read
 from posture.config.train import TrainConfig
 from posture.storage import yaml_files
+from posture.storage.migration import upgrade
 
 RUNS = Path("runs")
 PRETRAINED = Path(__file__).resolve().parent.parent / "pretrained"
@@ -100,6 +101,14 @@ def find_checkpoints(name: str, wanted: Callable[[Path], bool] | None = None) ->
     return [model for model in found if model is not None]
 
 
+def find_checkpoint(name: str) -> Path:
+    """The only checkpoint file that `ckpt=name` means. Raises ConfigError where there are several, or none."""
+    models = find_checkpoints(name)
+    if len(models) > 1:
+        raise ConfigError(f"ckpt: {name} holds {len(models)} policies; allowed is one, for example {models[0]}")
+    return models[0]
+
+
 def _pretrained(name: str) -> Path:
     model = newest_model(PRETRAINED / name) if re.fullmatch(r"[\w.-]+", name) else None
     if model is None:
@@ -131,7 +140,7 @@ def read_config(run: Path) -> TrainConfig:
     if not isinstance(values, dict):
         raise ConfigError(f"{path}: not a configuration; allowed is one as posture.train writes it")
     yaml_files.refuse_instructions(values, path)
-    return read(TrainConfig, values, str(path))
+    return read(TrainConfig, upgrade(values, path), str(path))
 
 
 def writable(folder: Path) -> Path:
