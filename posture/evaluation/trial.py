@@ -58,7 +58,7 @@ def evaluate(
 
     With `again` false, results of the same policy, code and conditions in `out` are read instead.
     """
-    content = checkpoint.load(model, device)
+    checkpoint.load(model, device)  # a damaged file is refused before anything is written
     run_dir.writable(out)
     trial = trial_config(run.env, evaluation, changes, device)
     if not again and is_current(out, model, run, evaluation, changes, device):
@@ -66,11 +66,18 @@ def evaluate(
         print(text_table(rows, evaluation_columns(rows, comparable_table_3(trial))))
         print(f"evaluated before: {out}")
         return rows
+    env, policy = open_trial(model, run, trial, device)
+    return evaluate_policy(env, policy, evaluation, out, _policy_record(model, run))
+
+
+def open_trial(model: Path, run: TrainConfig, trial: EnvConfig, device: str) -> tuple[HeadTrackingEnv, Policy]:
+    """The environment of a trial and the deterministic policy of checkpoint `model`, ready for `rollout`."""
+    content = checkpoint.load(model, device)
     with preparing():
         env = HeadTrackingEnv(trial, run.seed, device)
         policy = load_policy(content, run, model, env.sim.device)
         env.warm_up()
-    return evaluate_policy(env, policy, evaluation, out, _policy_record(model, run))
+    return env, policy
 
 
 def evaluate_lqr(
