@@ -31,8 +31,8 @@ class Pusher:
         # The load sits at the centre of mass, and so adds no inertia about it.
         model.body_mass[self._hat] = self._mass + float(env.sim.load[0])
         data = mujoco.MjData(model)
-        x, y, z, w = env.hat_pose[0, 3:].tolist()
-        data.qpos[:7] = [*env.hat_pose[0, :3].tolist(), w, x, y, z]
+        x, y, z, w = env.state.hat_pose[0, 3:].tolist()
+        data.qpos[:7] = [*env.state.hat_pose[0, :3].tolist(), w, x, y, z]
         for i, name in enumerate(JOINTS):
             data.joint(name).qpos = float(env.sim.joint_angle[0, i])
         mujoco.mj_forward(model, data)

@@ -223,8 +223,8 @@ class Session:
         at = np.stack([pose[foot, :3] + _turned(pose[foot, 3:], local[side]) for side, foot in enumerate(FEET)])
         self.state = State(
             pose=pose,
-            head=float(env.head_x),
-            target=float(env.target_x),
+            head=float(env.state.head_x),
+            target=float(env.state.target_x),
             force=force.sum(1),
             at=at,
             cop=float(local[:, 0] @ load.sum(1) / load.sum()) if loaded else math.nan,

@@ -52,18 +52,16 @@ class SteeredEnv(HeadTrackingEnv):
     @property
     def crept(self) -> float:
         """How far forward the feet have moved since the start [m]."""
-        return float((self.foot_position - self._foot_start)[0, :, 0].mean())
+        return float((self.state.foot_pose[..., :3] - self._foot_start)[0, :, 0].mean())
 
     def take_over(self, other: "SteeredEnv") -> None:
         """Go on where `other` is."""
         self.phase = other.phase
         self.load_state_dict(other.state_dict())
 
-    def _read(self) -> None:
-        super()._read()
+    def _target(self) -> tuple[torch.Tensor, torch.Tensor]:
         phase, freq = torch.full((1,), self.phase), torch.full((1,), self._now.freq)
-        self.target_x = target.position(phase, self._now.amplitude)
-        self.target_vx = target.velocity(phase, freq, self._now.amplitude)
+        return target.position(phase, self._now.amplitude), target.velocity(phase, freq, self._now.amplitude)
 
     def _reset(self, mask: torch.Tensor) -> None:
         self.phase = 0.0
