@@ -21,6 +21,7 @@ from torch._C._distributed_c10d import _create_work_from_future  # type: ignore[
 from torch.futures import Future
 
 from posture.config.errors import RunError
+from posture.operating_system import process_is_alive, yield_processor
 
 PLACE_BYTES = 1 << 20
 """A longer message goes in pieces of this size."""
@@ -104,7 +105,7 @@ class BoardGroup(dist.ProcessGroup):
             board = self._boards[self._turn % 2].view(mine.dtype)
             board[self._rank, : piece.size] = piece
             # A call of the kernel keeps the processor from showing the counter before the piece.
-            os.sched_yield()
+            yield_processor()
             self._turn += 1
             self._counters[self._rank, 0] = self._turn
             self._wait()
@@ -116,7 +117,7 @@ class BoardGroup(dist.ProcessGroup):
         while counters.min() < self._turn:
             waited = time.perf_counter() - began
             if waited < _EAGER_S:
-                os.sched_yield()
+                yield_processor()
                 continue
             time.sleep(0.0005)
             if waited - checked > _CHECK_S:
@@ -126,11 +127,8 @@ class BoardGroup(dist.ProcessGroup):
     def _check(self) -> None:
         multiprocessing.active_children()  # buries those that have ended
         for place, process in enumerate(self._counters[:, 1].tolist()):
-            try:
-                if process:
-                    os.kill(process, 0)
-            except ProcessLookupError:
-                raise RunError(f"process {place} of {self._size} is gone") from None
+            if process and not process_is_alive(process):
+                raise RunError(f"process {place} of {self._size} is gone")
 
 
 def _done(result: Any) -> Any:
