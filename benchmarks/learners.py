@@ -163,7 +163,7 @@ class _JudgedLearner(Learner):
 
 
 def _ours(config: TrainConfig, judge: Judge) -> int:
-    with parallel.crew(config.processes, config.device, _share, config, None):
+    with parallel.worker_processes(config.processes, config.device, _share, config, None):
         _share(config, judge)
     return config.processes
 

@@ -37,7 +37,7 @@ def _train(config: TrainConfig, folder: Path) -> None:
     # Schedules of weights keep the length that the training began with.
     steps = (run_dir.read_config(folder) if begun else config).training_steps
     if done < config.max_iterations:
-        with parallel.crew(config.processes, config.device, _learn, config, folder, done > 0, steps):
+        with parallel.worker_processes(config.processes, config.device, _learn, config, folder, done > 0, steps):
             _learn(config, folder, done > 0, steps)
     else:
         print(f"{folder}: already trained")
@@ -64,7 +64,7 @@ def _learn(config: TrainConfig, folder: Path, resume: bool, training_steps: int)
     rank, size = parallel.rank(), parallel.size()
     if config.env.num_envs % size:
         raise ConfigError(f"env.num_envs = {config.env.num_envs} cannot be shared equally among {size} processes")
-    device = parallel.own_device(config.device)
+    device = parallel.local_device(config.device)
     torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed + 1_000_003 * rank)
     if rank == 0:
