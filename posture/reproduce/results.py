@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from envs.body.segments import Segments
 from envs.config import EnvConfig
-from posture.analysis.coordination import Row, read_csv
+from posture.analysis.results import Row, as_row, read_csv
 from posture.analysis.trajectory import Trajectory
 from posture.cli.jobs import Job
 from posture.cli.sweep import progress
 from posture.config.eval import EnvChanges, EvalConfig, EvaluationConfig
 from posture.config.train import TrainConfig
-from posture.evaluation.trial import AS_TRAINED, condition, is_current
+from posture.evaluation.trial import AS_TRAINED, is_current, origin
 from posture.storage import run_dir
-from posture.theory.motion import indices
+from posture.theory.motion import motion_indices
 from posture.theory.program import InfeasibleError
 from posture.theory.reward_optimum import reward_optimum
 from posture.theory.stander import linearise, segments
@@ -124,7 +124,8 @@ def _rows(
         if (out / "metrics.csv").exists():
             left_out.append(str(out))
         return []
-    return [condition(run, changes) | {"run": policy.folder.name} | row for row in read_csv(out / "metrics.csv")]
+    of = origin(run, changes, policy.folder.name)
+    return [as_row(replace(row, origin=of)) for row in read_csv(out / "metrics.csv")]
 
 
 def _beside_the_reward(rows: Sequence[Row], run: TrainConfig, freq: float | None) -> list[Row]:
@@ -154,7 +155,7 @@ def _best(
         motion = reward_optimum(linearise(body, env), freq, env, run.evaluation.tolerance)
     except InfeasibleError:
         return _NOTHING
-    found = indices(motion, run.evaluation.duration)
+    found = motion_indices(motion, run.evaluation.duration)
     return {"reward_hip_ankle_r": found.hip_ankle_r, "reward_cost": found.cost, "reward_energy_j": found.energy_j}
 
 

@@ -8,7 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from posture.analysis.coordination import Row, transition_frequency
+from posture.analysis.coordination import sign_change_frequency
+from posture.analysis.results import Row
 from posture.reproduce.claims.rules import (
     EACH_RULE,
     LEAST_DIFFERENCE,
@@ -190,7 +191,7 @@ def switches(rows: Sequence[Row]) -> dict[float, float]:
     found = {}
     for seed, signs in _signs(rows).items():
         own = [row for row in rows if row["seed"] == seed and row["valid"]]
-        hz = transition_frequency([row["freq_hz"] for row in own], [row["hip_ankle_r"] for row in own])
+        hz = sign_change_frequency([row["freq_hz"] for row in own], [row["hip_ankle_r"] for row in own])
         found[seed] = hz if hz is not None and signs[0] and _changes(signs) == 1 else math.nan
     return found
 

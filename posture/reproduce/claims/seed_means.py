@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from posture.analysis.coordination import Row
+from posture.analysis.results import Row
 from posture.analysis.statistics import bootstrap_mean
 
 Condition = tuple[Any, ...]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from posture.analysis.coordination import Row
+from posture.analysis.results import Row
 from posture.reproduce.claims.rules import (
     JUDGED_WHERE,
     PATTERN_RULE,

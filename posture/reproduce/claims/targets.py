@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from posture.analysis.coordination import Row
+from posture.analysis.results import Row
 from posture.reproduce.claims.frequency import switches
 from posture.reproduce.claims.rules import MEASURED_SHARE, Means, shown_mode
 from posture.reproduce.claims.seed_means import (

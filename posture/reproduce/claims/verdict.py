@@ -9,7 +9,7 @@ from functools import cache
 from itertools import groupby
 from typing import Any
 
-from posture.analysis.coordination import Row
+from posture.analysis.results import Row
 from posture.reproduce.claims.rules import Judgement, Means, Outcome
 from posture.reproduce.claims.seed_means import Condition, label, listing, mean_of, sample, seed_means, span, theory_means
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from matplotlib.figure import Figure
 
-from posture.analysis.coordination import Row
+from posture.analysis.results import Row
 from posture.analysis.trajectory import Trajectory
 from posture.reproduce.figures import curves
 from posture.reproduce.figures import traces as over_time

@@ -13,7 +13,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from posture.analysis.coordination import Row
+from posture.analysis.results import Row
 from posture.drawing.style import ANKLE_COLOUR, BLUE, GREEN, GREY, HIP_COLOUR, MODE_COLOUR, ORANGE, PURPLE, RED
 from posture.reproduce.figures.seed_curves import (
     LEAST,

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
-from posture.analysis.coordination import Row
+from posture.analysis.results import Row
 from posture.analysis.statistics import bootstrap_mean
 from posture.analysis.trajectory import Array
 from posture.drawing.style import FALL_COLOUR, MODE_COLOUR

@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from posture.analysis.coordination import Row, correlation
+from posture.analysis.coordination import correlation
 from posture.analysis.figures import SHOWN_CYCLES
 from posture.analysis.ramp import ramp_frequency, window_correlation
+from posture.analysis.results import Row
 from posture.analysis.trajectory import Trajectory
 from posture.drawing.silhouette import draw_phases
 from posture.drawing.style import ANKLE_COLOUR, BLUE, FALL_COLOUR, GREY, HEAD_COLOUR, HIP_COLOUR, ORANGE, RED

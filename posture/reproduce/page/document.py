@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from posture.analysis.coordination import Row, write_csv
+from posture.analysis.results import Row, write_rows
 from posture.config.train import TrainConfig
 from posture.reproduce.claims.all_claims import verdicts
 from posture.reproduce.claims.targets import Target, targets
@@ -36,8 +36,8 @@ def write_report(results: Results, out: Path, commands: Sequence[str], ramp_star
     claims = verdicts(results.rows, paper, results.transitions)
     aims = targets(results.rows, paper, results.transitions)
     for name, rows in results.rows.items():
-        write_csv(_even(rows), out / "tables" / f"{name}.csv")
-    write_csv([asdict(claim) for claim in claims], out / "tables" / "verdicts.csv")
+        write_rows(_even(rows), out / "tables" / f"{name}.csv")
+    write_rows([asdict(claim) for claim in claims], out / "tables" / "verdicts.csv")
     body = segments(run.env)
     figures = draw_report(
         results.rows,

@@ -15,7 +15,7 @@ import numpy as np
 
 from envs.config import EnvConfig
 from envs.engines.mujoco_c import build
-from posture.analysis.coordination import Row
+from posture.analysis.results import Row
 from posture.config.train import TrainConfig
 from posture.reproduce.claims.frequency import switches
 from posture.reproduce.claims.rules import shown_mode

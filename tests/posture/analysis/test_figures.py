@@ -14,7 +14,8 @@ from matplotlib import pyplot
 
 from envs.body.joints import ANKLES
 from posture.analysis import figures
-from posture.analysis.coordination import Row, indices
+from posture.analysis.coordination import measure_trajectory
+from posture.analysis.results import Result
 from posture.analysis.trajectory import Trajectory
 
 DT, STEPS = 0.02, 1000  # 20 s
@@ -52,8 +53,8 @@ def sweep(freq: list[float], fall_step: list[int] | None = None, **changes: Any)
     return Trajectory(**{**fields, **changes})
 
 
-def measured(trajectory: Trajectory) -> list[Row]:
-    return indices(trajectory, transient_s=2.0, tolerance_m=0.025, still_joint_deg=0.5)
+def measured(trajectory: Trajectory) -> list[Result]:
+    return measure_trajectory(trajectory, transient_s=2.0, tolerance_m=0.025, still_joint_deg=0.5)
 
 
 def drawing(name: str, trajectory: Trajectory, paper: figures.Paper, path: Path) -> None:

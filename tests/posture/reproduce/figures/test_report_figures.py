@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from posture.analysis.coordination import Row
+from posture.analysis.results import Row
 from posture.analysis.trajectory import Trajectory
 from posture.reproduce.figures import curves as report_curves
 from posture.reproduce.figures import stiffness_map as report_map
