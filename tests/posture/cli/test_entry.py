@@ -183,8 +183,12 @@ def same(a, b):
 
 @pytest.mark.parametrize("processes", [1, 2])
 def test_resume_goes_on_exactly(monkeypatch, capsys, processes):
-    """Two iterations, a break and two more equal four without a break, bit for bit."""
-    quick = [*TINY, "evaluate=false", "env.num_envs=16", f"processes={processes}"]
+    """Two iterations, a break and two more equal four without a break, bit for bit.
+
+    Schedules keep the length that the training began with, so the weights are constant here.
+    """
+    constant = ["env.reward.stay_weight=1.5", "env.reward.target_weight=1.5", "env.reward.ended=-9"]
+    quick = [*TINY, *constant, "evaluate=false", "env.num_envs=16", f"processes={processes}"]
     call(monkeypatch, "train", *quick)
     run = runs()[0]
     call(monkeypatch, "train", f"resume={run}", "max_iterations=4")
@@ -197,6 +201,7 @@ def test_resume_goes_on_exactly(monkeypatch, capsys, processes):
     ours, theirs = (torch.load(path / "resume.pt", weights_only=True) for path in (run, other))
     assert len(ours["processes"]) == processes
     for one, other_one in zip(ours["processes"], theirs["processes"], strict=True):
+        assert (one["env"].pop("training_steps"), other_one["env"].pop("training_steps")) == (2 * 4, 4 * 4)
         assert same(one["env"], other_one["env"]) and same(one["rng"], other_one["rng"])
 
     kept = {path: path.read_bytes() for path in run.glob("*.yaml")}
