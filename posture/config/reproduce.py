@@ -6,7 +6,6 @@ from pydantic import Field, model_validator
 
 from envs.config import Freq, Strict
 from posture.config.fields import PathText
-from posture.config.published import Paper
 
 Stage = Literal["train", "evaluate", "report", "ship"]
 
@@ -21,7 +20,6 @@ class ReproduceConfig(Strict):
     out: PathText
     search: tuple[Freq, Freq]
     overrides: tuple[str, ...]
-    paper: Paper
 
     @model_validator(mode="after")
     def _consistent(self) -> "ReproduceConfig":

@@ -14,6 +14,7 @@ from posture.analysis.trajectory import Trajectory
 from posture.cli.jobs import Job
 from posture.cli.sweep import progress
 from posture.config.eval import EnvChanges, EvalConfig, EvaluationConfig
+from posture.config.published import read_published
 from posture.config.train import TrainConfig
 from posture.evaluation.trial import AS_TRAINED, is_current, origin
 from posture.storage import run_dir
@@ -63,7 +64,7 @@ def collect(
     rows = {name: [row for job in jobs for row in _own_rows(job, others)] for name, jobs in done.items()}
     for name, trials in evaluated.items():
         rows[name] = [row for policy in policies for trial in trials for row in _trial_rows(trial, policy, others)]
-    alone = {"hip_stiffness": first.paper["experiment_3"]["freq_hz"]}
+    alone = {"hip_stiffness": read_published().experiment_3.freq_hz}
     for name in BESIDE_THE_REWARD:
         rows[name] = _beside_the_reward(rows.get(name, []), first, alone.get(name))
     return Results(

@@ -17,12 +17,12 @@ import re
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from posture.config.errors import ConfigError
 from posture.config.reading import read
 from posture.config.train import TrainConfig
 from posture.storage import yaml_files
+from posture.storage.migration import upgrade
 
 RUNS = Path("runs")
 PRETRAINED = Path(__file__).resolve().parent.parent / "pretrained"
@@ -132,20 +132,7 @@ def read_config(run: Path) -> TrainConfig:
     if not isinstance(values, dict):
         raise ConfigError(f"{path}: not a configuration; allowed is one as posture.train writes it")
     yaml_files.refuse_instructions(values, path)
-    return read(TrainConfig, _with_shares(values), str(path))
-
-
-def _with_shares(values: dict[str, Any]) -> dict[str, Any]:
-    """`values` with schedules in shares of the training; earlier versions saved them in control steps of each world."""
-    try:
-        training_steps = values["max_iterations"] * values["agent"]["num_steps_per_env"]
-        weights = [values["env"], values["env"]["reward"]]
-        for weight in (weight for record in weights for weight in record.values() if isinstance(weight, dict)):
-            if weight.keys() == {"start", "end", "steps"}:
-                weight["until"] = weight.pop("steps") / training_steps
-    except (KeyError, TypeError, AttributeError, ZeroDivisionError):
-        pass  # `read` reports what is wrong
-    return values
+    return read(TrainConfig, upgrade(values, path), str(path))
 
 
 def writable(folder: Path) -> Path:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from posture.analysis.results import Row, write_rows
+from posture.config.published import read_published
 from posture.config.train import TrainConfig
 from posture.reproduce.claims.all_claims import verdicts
 from posture.reproduce.claims.targets import Target, targets
@@ -32,7 +33,7 @@ def write_report(results: Results, out: Path, commands: Sequence[str], ramp_star
     `commands`: those that made the results. `ramp_start`: where the ramp of Exp. 4a began [Hz]. Returns the page's path.
     """
     run_dir.writable(out)
-    run, paper = results.first, results.first.paper
+    run, paper = results.first, read_published().model_dump(mode="json")
     claims = verdicts(results.rows, paper, results.transitions)
     aims = targets(results.rows, paper, results.transitions)
     for name, rows in results.rows.items():
@@ -75,7 +76,7 @@ def _sections(
     commands: Sequence[str],
 ) -> list[Section]:
     """The page, top to bottom. Of what was not measured there is neither table nor figure."""
-    rows, run, paper = results.rows, results.first, results.first.paper
+    rows, run, paper = results.rows, results.first, read_published().model_dump(mode="json")
     filled = numbers(run)
 
     def shown(*names: str) -> list[Block]:
@@ -127,7 +128,7 @@ def _sections(
 
 def numbers(run: TrainConfig) -> dict[str, float]:
     """The numbers that stand in words and captions, by the names that text.py has for them."""
-    paper = run.paper
+    paper = read_published().model_dump(mode="json")
     return {
         "travel": 2 * run.env.amplitude,
         "amplitude": run.env.amplitude,

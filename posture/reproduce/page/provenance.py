@@ -13,7 +13,7 @@ from typing import Any
 from posture.cli.jobs import Job
 from posture.cli.sweep import progress
 from posture.config.train import TrainConfig
-from posture.learning import policy
+from posture.learning.resume import training_seconds
 from posture.reproduce.page.page import Block, Commands, Table, Text
 from posture.reproduce.page.text import LEFT_OUT, MADE, MIXED
 from posture.storage import yaml_files
@@ -42,7 +42,7 @@ def made(jobs: Sequence[Job], commands: Sequence[str]) -> list[Block]:
     for experiment, group in groupby(jobs, key=lambda job: job.folder.parent.name):
         own = list(group)
         done = [job for job in own if progress(job) >= 1]
-        hours = sum(policy.training_seconds(job.folder) for job in done) / 3600
+        hours = sum(training_seconds(job.folder) for job in done) / 3600
         seeds = sorted({job.config.seed for job in done if isinstance(job.config, TrainConfig)})
         lines.append([experiment, f"{len(done)} of {len(own)}", ", ".join(map(str, seeds)) or "-", f"{hours:.1f}"])
         starts += [start for job in done for start in _starts(job)]

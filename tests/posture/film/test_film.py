@@ -5,16 +5,13 @@ import os
 import subprocess
 import sys
 
-import hydra
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
 from posture.analysis.trajectory import Trajectory
-from posture.cli.jobs import CONF, plain
 from posture.config.errors import RunError
 from posture.config.film import FilmConfig
-from posture.config.reading import read
 from posture.drawing.silhouette import TARGET_COLOUR
 from posture.drawing.style import BLUE, FALL_COLOUR, RED
 from posture.film import trials as film_trials
@@ -25,6 +22,7 @@ from posture.storage import run_dir
 from posture.storage.run_dir import PRETRAINED
 from tests import commands
 from tests.commands import refused
+from tests.conftest import composed
 from tests.posture.film.test_video import decoded_gif, decoded_mp4
 
 HEIGHT = 1.7  # of the target [m], paper Table 1
@@ -38,8 +36,7 @@ def _elsewhere(tmp_path, monkeypatch):
 
 
 def configured(*overrides):
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        return read(FilmConfig, plain(hydra.compose("film", list(overrides))))
+    return composed("film", FilmConfig, overrides)
 
 
 # -- the command ------------------------------------------------------------------------------------------------------

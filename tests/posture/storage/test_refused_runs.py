@@ -13,7 +13,8 @@ import torch
 
 import envs.task.head_tracking
 from posture.config.errors import ConfigError
-from posture.learning.policy import iterations_done, load_policy
+from posture.learning.networks import load_policy
+from posture.learning.resume import iterations_done
 from posture.storage import checkpoint
 from posture.storage.run_dir import read_config
 from tests.commands import refused
@@ -281,7 +282,7 @@ def other_iteration(content):
         (nan_critic, "mlp.0.bias holds weights that are not finite"),
         (no_optimiser, "no 'optimizer_state_dict'"),
         (other_optimiser, "exp_avg of weight 1 has the shape (3, 3)"),
-        (one_weight_more, "training cannot go on from it"),
+        (one_weight_more, "training cannot continue from it"),
         (nan_optimiser, "not finite"),
         (nan_rate, "not finite"),
         (other_iteration, "saved after 1 iterations"),
