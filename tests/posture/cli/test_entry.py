@@ -39,7 +39,7 @@ def _elsewhere(tmp_path, monkeypatch):
         ("env.num_envs=2.5", ["env.num_envs = 2.5", "integer"]),
         ("env.control_dt=0", ["env.control_dt"]),
         ("env.termination.head_tolerance=0.3", ["head_tolerance", "at most the target's amplitude of 0.1 m"]),
-        ("env.observations.policy=[head,balance]", ["'balance': must be", "joint_angle"]),
+        ("env.observations.policy=[head,balance]", ["unknown balance", "joint_angle"]),
         ("agent.obs_groups.actor=[foot_wrench]", ["agent.obs_groups.actor", "foot_wrench not among"]),
         ("env.num_envs=2 agent.num_steps_per_env=4", ["4 samples a process do not fill 16 mini-batches"]),
         ("env.num_envs=3", ["env.num_envs = 3 cannot be shared equally among 2 processes"]),
@@ -56,7 +56,7 @@ def _elsewhere(tmp_path, monkeypatch):
         ("-m resume=a,b", ["resume continues one run"]),
         ("device=tpu", ["device: 'tpu' is not known; allowed are cpu, cuda"]),
         ("max_iterations=0", ["max_iterations = 0"]),
-        ("env.reward.alive={start: 1.0, end: -1.0, steps: 5}", ["both be positive or both negative"]),
+        ("env.reward.alive={start: 1.0, end: -1.0, until: 0.5}", ["both be positive or both negative"]),
         ("env.reward.alive=x", ["env.reward.alive = x: allowed is a number, or a schedule"]),
         ("env.reward.alive={start: 1.0}", ["env.reward.alive = {'start': 1.0}: allowed is a number, or a schedule"]),
         ("env.reward.scale=0", ["env.reward.scale = 0"]),
@@ -126,7 +126,8 @@ def test_evaluation_writes_trajectories_metrics_and_figures(trained):
     folder = trained / "evaluation"
     rows = table(folder / "metrics.csv")
     assert [float(row["freq_hz"]) for row in rows] == [0.5, 1.5]
-    assert all(row["fell"] == "True" and row["valid"] == "False" and row["cost"] == "nan" for row in rows)
+    fallen = [row for row in rows if row["fell"] == "True"]
+    assert fallen and all(row["valid"] == "False" and row["cost"] == "nan" for row in fallen)
     assert (folder / "trajectories.npz").exists() and len(list(folder.glob("*.png"))) >= 7
 
 
@@ -182,8 +183,12 @@ def same(a, b):
 
 @pytest.mark.parametrize("processes", [1, 2])
 def test_resume_goes_on_exactly(monkeypatch, capsys, processes):
-    """Two iterations, a break and two more equal four without a break, bit for bit."""
-    quick = [*TINY, "evaluate=false", "env.num_envs=16", f"processes={processes}"]
+    """Two iterations, a break and two more equal four without a break, bit for bit.
+
+    Schedules keep the length that the training began with, so the weights are constant here.
+    """
+    constant = ["env.reward.stay_weight=1.5", "env.reward.target_weight=1.5", "env.reward.ended=-9"]
+    quick = [*TINY, *constant, "evaluate=false", "env.num_envs=16", f"processes={processes}"]
     call(monkeypatch, "train", *quick)
     run = runs()[0]
     call(monkeypatch, "train", f"resume={run}", "max_iterations=4")
@@ -196,6 +201,7 @@ def test_resume_goes_on_exactly(monkeypatch, capsys, processes):
     ours, theirs = (torch.load(path / "resume.pt", weights_only=True) for path in (run, other))
     assert len(ours["processes"]) == processes
     for one, other_one in zip(ours["processes"], theirs["processes"], strict=True):
+        assert (one["env"].pop("training_steps"), other_one["env"].pop("training_steps")) == (2 * 4, 4 * 4)
         assert same(one["env"], other_one["env"]) and same(one["rng"], other_one["rng"])
 
     kept = {path: path.read_bytes() for path in run.glob("*.yaml")}
