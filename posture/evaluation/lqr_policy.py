@@ -38,7 +38,7 @@ class LqrController:
         self._lean_angle, self._lean_torque = (
             torch.tensor(np.stack(x), dtype=torch.float32, device=env.sim.device) for x in leans
         )
-        self._foot_start = env.foot_position[..., 0].mean(-1).clone()
+        self._foot_start = env.state.foot_pose[..., 0].mean(-1).clone()
         self._worlds = torch.arange(env.num_envs, device=env.sim.device)
 
     def __call__(self, _observation: TensorDict) -> torch.Tensor:
@@ -46,7 +46,7 @@ class LqrController:
         step = self._env.episode_length_buf.clamp(max=self._state.shape[1] - 1)
         angle, velocity = self._env.sim.joint_angle, self._env.sim.joint_velocity
         kinds = [x[:, kind].mean(-1) for x in (angle, velocity) for kind in (HIPS, ANKLES)]
-        crept = (self._env.foot_position[..., 0].mean(-1) - self._foot_start)[:, None]
+        crept = (self._env.state.foot_pose[..., 0].mean(-1) - self._foot_start)[:, None]
         deviation = torch.stack(kinds, dim=-1) - self._state[self._worlds, step]
         deviation[:, :2] += crept * self._lean_angle
         feedforward = self._torque[self._worlds, step] - crept * self._lean_torque

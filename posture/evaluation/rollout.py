@@ -67,14 +67,14 @@ def _cop_x(env: HeadTrackingEnv) -> torch.Tensor:
 
 
 _SIGNALS: dict[str, Callable[[HeadTrackingEnv], torch.Tensor]] = {
-    "target_x": lambda env: env.target_x,
-    "head_x": lambda env: env.head_x,
-    "head_vx": lambda env: env.head_vx,
+    "target_x": lambda env: env.state.target_x,
+    "head_x": lambda env: env.state.head_x,
+    "head_vx": lambda env: env.state.head_vx,
     "joint_angle": lambda env: env.sim.joint_angle,
     "joint_velocity": lambda env: env.sim.joint_velocity,
     "joint_torque": lambda env: env.config.torque_limit * env.action,
     "cop_x": _cop_x,
-    "torso_height": lambda env: env.hat_pose[:, 2],
-    "foot_displacement": lambda env: env.foot_displacement.amax(-1),
+    "torso_height": lambda env: env.state.hat_pose[:, 2],
+    "foot_displacement": lambda env: env.state.foot_displacement.amax(-1),
     "foot_flat": lambda env: (env.sim.sole_force[..., 2] > 0.0).all(-1).all(-1).float(),
 }

@@ -19,11 +19,9 @@ the cost.
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from envs.config import EnvConfig
 from envs.task import rewards
@@ -54,12 +52,12 @@ class RewardTerms:
     @classmethod
     def of(cls, config: EnvConfig) -> RewardTerms:
         """Read from `config` and envs/task/rewards.py. Raises ValueError where the reward has no weight on torques."""
-        one = torch.ones(1, 1, dtype=torch.float64)
-        energy, torque = (-float(term) for term in _effort(config.torque_limit * one, one, config))
-        gamma = rewards.weight(config.energy_weight, sys.maxsize)
+        one = np.ones((1, 1))
+        energy, torque = (-float(term[0]) for term in rewards.effort(one, one, config))
+        gamma = rewards.weight(config.energy_weight)
         if gamma == 0:
             raise ValueError("energy_weight is 0: every torque is as good as any other")
-        beta = rewards.weight(config.reward.target_weight, sys.maxsize)
+        beta = rewards.weight(config.reward.target_weight)
         return cls(energy / torque, beta / (gamma * torque), config.reward.target_sharpness)
 
 
@@ -99,16 +97,9 @@ def reward_optimum(stander: Stander, freq: float, config: EnvConfig, tolerance: 
 
 def reward_terms(motion: PeriodicMotion, config: EnvConfig) -> tuple[float, float]:
     """R_energy and R_torque (paper Eq. 9, 10) as `config` reads them: means over a cycle of what one control step gives."""
-    torque, velocity = (torch.from_numpy(array) for array in joint_arrays(motion))
-    energy, effort = _effort(torque, velocity, config)
+    torque, velocity = joint_arrays(motion)
+    energy, effort = rewards.effort(torque / config.torque_limit, velocity, config)
     return float(energy.mean()), float(effort.mean())
-
-
-def _effort(torque: torch.Tensor, velocity: torch.Tensor, config: EnvConfig) -> tuple[torch.Tensor, torch.Tensor]:
-    """R_energy and R_torque of torques [Nm] and velocities [rad/s], (N, joints) -> (N,), in the units of `config`."""
-    action = torque / config.torque_limit
-    energy = rewards.energy(torque, velocity, config.reward.energy_unit, config.torque_limit, config.control_dt)
-    return energy, rewards.torque_squared(torque if config.reward.torque_unit == "newton_metre" else action)
 
 
 def _smooth_abs(x: Array) -> Array:

@@ -132,9 +132,10 @@ REFUSED = [
     ("train", "env.termination.head_tolerance=0.3", "env.termination.head_tolerance"),
     ("train", "env.termination.fall_height=1.3", "env.termination.fall_height"),
     ("train", "env.reward.alive=1e39", "env.reward.alive"),
+    ("train", "env.reward.alive={start:1e-9,end:1e4,until:0.5}", "env.reward.alive: start and end must not lie further"),
     ("train", "env.reward.alive=x", "env.reward.alive = x: allowed is a number, or a schedule"),
     ("train", "env.reward.scale=0", "env.reward.scale = 0"),
-    ("train", "env.observations.policy=[head,balance]", "env.observations.policy"),
+    ("train", "env.observations.policy=[head,balance]", "env.observations.policy: unknown balance"),
     ("train", "agent.num_steps_per_env=0", "agent.num_steps_per_env"),
     ("train", "agent.algorithm.num_mini_batches=0", "agent.algorithm.num_mini_batches"),
     ("train", "agent.algorithm.num_mini_batches=40000", "env.num_envs x agent.num_steps_per_env = 32768 samples"),
@@ -157,7 +158,7 @@ REFUSED = [
     ("eval", "evaluation.freq=[]", "evaluation.freq"),
     ("eval", "policy=lqr lqr.torque=0", "lqr.torque"),
     ("eval", "policy=lqr lqr.tolerance_margin=0.03", "lqr.tolerance_margin: 0.03 m leaves nothing"),
-    ("eval", "lqr.env.observations.policy=[balance]", "lqr.env.observations.policy"),
+    ("eval", "lqr.env.observations.policy=[balance]", "lqr.env.observations.policy: unknown balance"),
     ("eval", "ckpt=''", "ckpt: a path must not be empty"),
     ("theory", "experiment_4b.step=1e-9", "experiment_4b.step"),
     ("theory", "figure_13.step=1e-9", "figure_13.step"),
@@ -190,7 +191,7 @@ anything = st.recursive(
     max_leaves=6,
 )
 wild = st.one_of(
-    anything, st.lists(numbers, max_size=3), st.fixed_dictionaries(dict.fromkeys(("start", "end", "steps"), numbers))
+    anything, st.lists(numbers, max_size=3), st.fixed_dictionaries(dict.fromkeys(("start", "end", "until"), numbers))
 )
 
 
@@ -249,7 +250,7 @@ KEYS = {
 }
 GROUPS = ["env", "agent", "evaluation", "experiment", "env@lqr.env"]
 VALUES = """
-    true null '' [] {} [1,2] [2,1] [true,1] {start:1,end:2,steps:3} ${env.hip_k} ${nope} ${oc.env:NOPE} ??? 1,2 1,2,...,5
+    true null '' [] {} [1,2] [2,1] [true,1] {start:1,end:2,until:0.5} ${env.hip_k} ${nope} ${oc.env:NOPE} ??? 1,2 1,2,...,5
     [ } " ' \\ é a=b a,b x'y range(1,4) choice(1,2) glob(*) tag(a,1) sort(3,1) interval(0,1) ../.. /proc/x latest
     pretrained/none paper ramp load energy [0.1,0.2] [nan,1] {a:1} cuda cuda:99 cpu 0x10 1_000 1e5 -1 - -- @ $ ${ $} %s
 """

@@ -87,7 +87,8 @@ def test_evaluation_writes_trajectories_metrics_and_figures(trained):
     folder = trained / "evaluation"
     rows = table(folder / "metrics.csv")
     assert [float(row["freq_hz"]) for row in rows] == [0.5, 1.5]
-    assert all(row["fell"] == "True" and row["valid"] == "False" and row["cost"] == "nan" for row in rows)
+    fallen = [row for row in rows if row["fell"] == "True"]
+    assert fallen and all(row["valid"] == "False" and row["cost"] == "nan" for row in fallen)
     assert (folder / "trajectories.npz").exists() and len(list(folder.glob("*.png"))) >= 7
 
 
@@ -122,7 +123,9 @@ def test_eval_by_file_folder_and_latest_agree(trained, monkeypatch, capsys):
 
 def test_eval_may_change_the_subject(trained, monkeypatch):
     before = (trained / "evaluation" / "metrics.csv").read_bytes()
-    call(monkeypatch, "eval", f"ckpt={trained}", "env.load=4", "env.hip_k=60", "env.physics=mujoco", *EVALUATION, *NO_FIGURES)
+    call(
+        monkeypatch, "eval", f"ckpt={trained}", "env.load=4", "env.hip_k=60", "env.physics=mujoco", *EVALUATION, *NO_FIGURES
+    )
     folder = trained / "evaluation_hip_k-60_load-4_physics-mujoco"
     row = table(folder / "metrics.csv")[0]
     tried = yaml.safe_load((folder / "trial.yaml").read_text())["env"]
@@ -142,8 +145,12 @@ def same(a, b):
 
 @pytest.mark.parametrize("processes", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_resume_continues_exactly(monkeypatch, capsys, processes):
-    """Two iterations, a break and two more equal four without a break, bit for bit."""
-    quick = [*TINY, "evaluate=false", "env.num_envs=16", f"processes={processes}"]
+    """Two iterations, a break and two more equal four without a break, bit for bit.
+
+    Schedules keep the length that the training began with, so the weights are constant here.
+    """
+    constant = ["env.reward.stay_weight=1.5", "env.reward.target_weight=1.5", "env.reward.ended=-9"]
+    quick = [*TINY, *constant, "evaluate=false", "env.num_envs=16", f"processes={processes}"]
     call(monkeypatch, "train", *quick)
     run = runs()[0]
     call(monkeypatch, "train", f"resume={run}", "max_iterations=4")
@@ -156,6 +163,7 @@ def test_resume_continues_exactly(monkeypatch, capsys, processes):
     ours, theirs = (torch.load(path / "resume.pt", weights_only=True) for path in (run, other))
     assert len(ours["processes"]) == processes
     for one, other_one in zip(ours["processes"], theirs["processes"], strict=True):
+        assert (one["env"].pop("training_steps"), other_one["env"].pop("training_steps")) == (2 * 4, 4 * 4)
         assert same(one["env"], other_one["env"]) and same(one["rng"], other_one["rng"])
 
     kept = {path: path.read_bytes() for path in run.glob("*.yaml")}

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy.optimize
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -218,13 +217,13 @@ def reward(motion, config):
     """What depends on the motion in the mean reward of a control step, as envs/task/head_tracking.py adds it up;
     positive."""
     time = motion.cycle(960)
-    terms, final = config.reward, 10**9
-    torque, velocity = (torch.from_numpy(x) for x in joint_arrays(motion, 960))
-    off = torch.from_numpy(motion.head(time) - AMPLITUDE * (1 - np.cos(2 * math.pi * motion.freq * time)))
-    energy = rewards.energy_scaled(torque / config.torque_limit, velocity)  # that of the authors' code
+    terms = config.reward
+    torque, velocity = joint_arrays(motion, 960)
+    off = motion.head(time) - AMPLITUDE * (1 - np.cos(2 * math.pi * motion.freq * time))
+    energy = rewards.energy(torque, velocity, "authors_code", config.torque_limit, config.control_dt)
     effort = rewards.torque_squared(torque / config.torque_limit)
-    gain = rewards.weight(config.energy_weight, final) * (energy + effort)
-    return float((gain + rewards.weight(terms.target_weight, final) * rewards.closeness(off, terms.target_sharpness)).mean())
+    gain = rewards.weight(config.energy_weight) * (energy + effort)
+    return float((gain + rewards.weight(terms.target_weight) * rewards.closeness(off, terms.target_sharpness)).mean())
 
 
 @pytest.mark.parametrize("freq", [0.3, 0.72, 1.2])
