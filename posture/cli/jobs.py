@@ -33,7 +33,7 @@ from posture.config.published import CONF, without_published
 from posture.config.reading import read
 from posture.config.train import TrainConfig
 from posture.storage import run_dir
-from posture.storage.code_version import envs_version
+from posture.storage.provenance import library_versions, training_code
 
 DECIDES_THE_POLICY = {"env", "agent", "seed", "processes", "max_iterations"}
 """The keys of a training that its policy depends on."""
@@ -131,9 +131,9 @@ def job_folder(number: int, overrides: str, experiment: str | None, *, _root_: D
 
 
 def identity(config: TrainConfig) -> str:
-    """Eight hexadecimal digits that stand for a training: its configuration and the code of the physics and the task."""
+    """Eight hexadecimal digits that stand for a training: its configuration, the code that decides it and the libraries."""
     own = config.model_dump(mode="json", include=DECIDES_THE_POLICY)
-    text = json.dumps([own, envs_version()], sort_keys=True)
+    text = json.dumps([own, training_code(), library_versions()], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:8]
 
 

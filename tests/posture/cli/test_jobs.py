@@ -1,14 +1,10 @@
 """The jobs of a command line: which there are, where they go, and what makes two of them the same."""
 
-import shutil
-
 import pytest
 
 from posture.cli.jobs import check, identity
 from posture.config.eval import EvalConfig
 from posture.config.train import TrainConfig
-from posture.storage import code_version
-from posture.storage.code_version import envs_version
 from tests.conftest import compose
 
 
@@ -54,20 +50,3 @@ def test_what_a_policy_depends_on_and_nothing_else_names_its_folder():
         assert identity(compose(same)) == plain
     others = ("seed=2", "env.hip_k=125.5", "max_iterations=999", "agent.algorithm.gamma=0.97", "processes=1")
     assert len({plain, *(identity(compose(other)) for other in others)}) == 1 + len(others)
-
-
-def test_the_code_version_is_that_of_the_code(monkeypatch, tmp_path):
-    def version_of(change, file="rewards.py"):
-        copy = tmp_path / str(len(list(tmp_path.iterdir())))
-        shutil.copytree(code_version.ENVS, copy, ignore=shutil.ignore_patterns("__pycache__"))
-        (copy / file).write_text(change((copy / file).read_text()))
-        monkeypatch.setattr(code_version, "ENVS", copy)
-        envs_version.cache_clear()
-        return envs_version()
-
-    same = version_of(lambda text: text)
-    assert version_of(lambda text: text.replace('"""Reward terms', '"""Terms of the reward')) == same
-    assert version_of(lambda text: text + "\n# a remark\n") == same
-    assert version_of(lambda text: text.replace("0.98", "0.97")) != same
-    assert version_of(lambda text: text.replace('density="1000"', 'density="999"'), "humanoid.xml") != same
-    envs_version.cache_clear()
