@@ -121,7 +121,7 @@ def checked(monkeypatch, name, arguments):
 
     def only_check(config_name, kind, task):
         GlobalHydra.instance().clear()
-        found.append(jobs.check(config_name, kind, cli_entry._expanded(sys.argv[1:])))
+        found.append(jobs.check(config_name, kind, sys.argv[1:]))
 
     monkeypatch.setattr(cli_entry, "run", only_check)
     monkeypatch.setattr(jobs, "check_device", lambda device: None)  # a document may speak of a GPU that is not here

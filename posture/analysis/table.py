@@ -11,9 +11,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from tabulate import tabulate
+import tabulate
 
 from posture.analysis.results import NO_LEAST, Result
+
+tabulate.MIN_PADDING = 0  # no more than the two spaces between columns, so that a table fits a terminal
 
 Paper = Mapping[str, Any] | None
 T = TypeVar("T")
@@ -49,7 +51,7 @@ def _layout(rows: Iterable[T], columns: Sequence[Column[T]], layout: str) -> str
     separator = "\n" if layout == "simple" else " "
     headings = [separator.join(column.heading.rsplit(" ", 1)) for column in columns]
     cells = [[column.cell(row) for column in columns] for row in rows]
-    return tabulate(cells, headings, layout, stralign="right", disable_numparse=True)
+    return tabulate.tabulate(cells, headings, layout, stralign="right", disable_numparse=True)
 
 
 def evaluation_columns(rows: Sequence[Result], paper: Paper) -> list[Column[Result]]:
@@ -79,13 +81,6 @@ def table_3_at(freq: float, paper: Paper) -> dict[str, Any]:
     return {}
 
 
-def outcome(row: Result) -> str:
-    """The mode of a world; where it is not valid, why."""
-    if row.fell:
-        return f"fell {row.fall_time_s:.1f} s"
-    return row.mode if row.valid else "not finite"
-
-
 def _paper_value(paper: Paper, name: str) -> Callable[[Result], float | str]:
     return lambda row: table_3_at(row.freq_hz, paper).get(name, math.nan)
 
@@ -97,7 +92,7 @@ _CONDITIONS: list[Column[Result]] = [
 ]
 # By the names of the columns of table_3 in conf/paper.yaml.
 _PUBLISHED: dict[str, Column[Result]] = {
-    "mode": Column("mode", outcome),
+    "mode": Column("mode", lambda row: row.outcome),
     "target_head_r": Column("target-head r", lambda row: row.target_head_r, ".4f"),
     "head_amplitude_m": Column("amplitude [m]", lambda row: row.head_amplitude_m, ".4f"),
     "head_speed_mps": Column("speed [m/s]", lambda row: row.head_speed_mps, ".4f"),

@@ -56,7 +56,7 @@ def evaluate(
 
     Not `again`: where `out` has what the same policy, code and conditions gave, that is read.
     """
-    content = checkpoint.load(model, device)
+    checkpoint.load(model, device)  # a damaged file is refused before anything is written
     run_dir.writable(out)
     trial = trial_config(run.env, evaluation, changes, device)
     if not again and is_current(out, model, run, evaluation, changes, device):
@@ -64,11 +64,18 @@ def evaluate(
         print(text_table(rows, evaluation_columns(rows, published(trial))))
         print(f"evaluated before: {out}")
         return rows
+    env, policy = open_trial(model, run, trial, device)
+    return analyse(env, policy, evaluation, out, _about(model, run))
+
+
+def open_trial(model: Path, run: TrainConfig, trial: EnvConfig, device: str) -> tuple[HeadTrackingEnv, Policy]:
+    """The environment of a trial and the deterministic policy of checkpoint `model`, ready for `rollout`."""
+    content = checkpoint.load(model, device)
     with preparing():
         env = HeadTrackingEnv(trial, run.seed, device)
         policy = load_policy(content, run, model, env.sim.device)
         env.warm_up()
-    return analyse(env, policy, evaluation, out, _about(model, run))
+    return env, policy
 
 
 def is_current(

@@ -12,7 +12,7 @@ from envs.config import EnvConfig
 from posture.analysis.results import Row, as_row, read_csv
 from posture.analysis.trajectory import Trajectory
 from posture.cli.jobs import Job
-from posture.cli.sweep import progress
+from posture.cli.sweep import fraction_done
 from posture.config.eval import EnvChanges, EvalConfig, EvaluationConfig
 from posture.config.published import read_published
 from posture.config.train import TrainConfig
@@ -55,7 +55,7 @@ def collect(
 
     `search`: where theory's transitions are looked for [Hz].
     """
-    done = {name: [job for job in jobs if progress(job) >= 1] for name, jobs in trained.items()}
+    done = {name: [job for job in jobs if fraction_done(job) >= 1] for name, jobs in trained.items()}
     policies = done["frequency"]
     if not policies:
         return None

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from posture.cli.jobs import Job
-from posture.cli.sweep import progress
+from posture.cli.sweep import fraction_done
 from posture.config.train import TrainConfig
 from posture.learning.resume import training_seconds
 from posture.reproduce.page.page import Block, Commands, Table, Text
@@ -21,7 +21,7 @@ from posture.storage import yaml_files
 
 def mixed(jobs: Sequence[Job]) -> str:
     """In one sentence, in what the code and versions of the trainings differ that are done; empty where they do not."""
-    by_run = {job.folder: _starts(job) for job in jobs if progress(job) >= 1}
+    by_run = {job.folder: _starts(job) for job in jobs if fraction_done(job) >= 1}
     differing = []
     if len(codes := _runs_by(by_run, _code)) > 1:
         differing.append(f"code of the task, the physics and the learner: {_told(codes)}")
@@ -41,7 +41,7 @@ def made(jobs: Sequence[Job], commands: Sequence[str]) -> list[Block]:
     lines, starts = [], []
     for experiment, group in groupby(jobs, key=lambda job: job.folder.parent.name):
         own = list(group)
-        done = [job for job in own if progress(job) >= 1]
+        done = [job for job in own if fraction_done(job) >= 1]
         hours = sum(training_seconds(job.folder) for job in done) / 3600
         seeds = sorted({job.config.seed for job in done if isinstance(job.config, TrainConfig)})
         lines.append([experiment, f"{len(done)} of {len(own)}", ", ".join(map(str, seeds)) or "-", f"{hours:.1f}"])
