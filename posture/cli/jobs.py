@@ -220,7 +220,7 @@ def override_slug(overrides: str) -> str:
 
 
 def identity(config: TrainConfig) -> str:
-    """Eight hexadecimal digits that identify a training: by its configuration, the code that decides it and the libraries."""
+    """Eight hexadecimal digits that identify a training: its configuration, its code and the libraries."""
     own = config.model_dump(mode="json", include=DECIDES_THE_POLICY)
     text = json.dumps([own, training_code(), library_versions()], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:8]
