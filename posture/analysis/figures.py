@@ -1,14 +1,14 @@
 """Figures of one evaluation: one function for each figure, drawn without pyplot, so that no window or figure stays open.
 
-`rows` are the results of the trial (`coordination.measure_trajectory`). `paper` is the content of conf/paper.yaml; pass None
-where the conditions are not those of the paper's Table 3, and nothing published is drawn. A world that fell is marked with
+`rows` are the results of the trial (`coordination.measure_trajectory`). `published` is paper Table 3; pass None where the
+conditions are not those of that table, and nothing published is drawn. A world that fell is marked with
 the time of its fall; its indices are not drawn.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from matplotlib.patches import Patch
 
 from posture.analysis.results import NO_LEAST, Result, Value
 from posture.analysis.trajectory import Array, Trajectory
+from posture.config.published import Table3
 from posture.drawing.style import (
     ANKLE_COLOUR,
     BLUE,
@@ -33,14 +34,16 @@ from posture.drawing.style import (
     STYLE,
 )
 
-Paper = Mapping[str, Any] | None
-
 SHOWN_CYCLES = 3  # at the end of the trial, in figures over time
 COLUMNS = 5  # of panels
 
 
 def draw_all(
-    trajectory: Trajectory, rows: Sequence[Result], paper: Paper, folder: str | Path, foot_span: tuple[float, float]
+    trajectory: Trajectory,
+    rows: Sequence[Result],
+    published: Table3 | None,
+    folder: str | Path,
+    foot_span: tuple[float, float],
 ) -> list[Path]:
     """Draw every figure as a PNG into `folder` and return their paths.
 
@@ -57,9 +60,9 @@ def draw_all(
         }
         if np.isfinite(trajectory.freq).any():
             drawn |= {
-                "coordination": fig_coordination(rows, paper),
+                "coordination": fig_coordination(rows, published),
                 "ranges": fig_ranges(rows),
-                "tracking": fig_tracking(rows, paper),
+                "tracking": fig_tracking(rows, published),
                 "cop": fig_cop(rows, foot_span),
             }
         for name, fig in drawn.items():
@@ -106,7 +109,7 @@ def fig_angle_plots(trajectory: Trajectory, rows: Sequence[Result]) -> Figure:
     return fig
 
 
-def fig_coordination(rows: Sequence[Result], paper: Paper) -> Figure:
+def fig_coordination(rows: Sequence[Result], published: Table3 | None) -> Figure:
     """Hip-ankle correlation and relative phase [deg] against frequency [Hz], over the published modes."""
     fig = _figure(6.5, 5.5)
     upper, lower = fig.subplots(2, 1, sharex=True)
@@ -139,7 +142,7 @@ def fig_coordination(rows: Sequence[Result], paper: Paper) -> Figure:
         xlabel="target frequency [Hz]",
     )
     for ax in (upper, lower):
-        _shade_published_modes(ax, paper)
+        _shade_published_modes(ax, published)
     _mark_falls((upper, lower), rows)
     handles, labels = upper.get_legend_handles_labels()
     more, names = lower.get_legend_handles_labels()
@@ -224,19 +227,18 @@ def _theory(ax: Axes, rows: Sequence[Result], get: Value, **style: Any) -> None:
         _line(ax, rows, get, ls=":", lw=1.5, **style)
 
 
-def fig_tracking(rows: Sequence[Result], paper: Paper) -> Figure:
+def fig_tracking(rows: Sequence[Result], published: Table3 | None) -> Figure:
     """Target-head correlation, head amplitude [m] and mean speed [m/s] against frequency [Hz]; Table 3."""
-    panels: list[tuple[str, Value, str]] = [
-        ("target_head_r", lambda row: row.target_head_r, "target-head\ncorrelation r"),
-        ("head_amplitude_m", lambda row: row.head_amplitude_m, "head amplitude [m]\n(half peak-to-peak)"),
-        ("head_speed_mps", lambda row: row.head_speed_mps, "mean head\nspeed [m/s]"),
+    panels: list[tuple[Value, Callable[[Table3], Sequence[float]], str]] = [
+        (lambda row: row.target_head_r, lambda table: table.target_head_r, "target-head\ncorrelation r"),
+        (lambda row: row.head_amplitude_m, lambda table: table.head_amplitude_m, "head amplitude [m]\n(half peak-to-peak)"),
+        (lambda row: row.head_speed_mps, lambda table: table.head_speed_mps, "mean head\nspeed [m/s]"),
     ]
-    table = (paper or {}).get("table_3", {})
     fig = _figure(6.5, 6.5)
     axes = fig.subplots(3, 1, sharex=True)
-    for ax, (column, get, label) in zip(axes, panels, strict=True):
-        if column in table and "freq_hz" in table:
-            ax.plot(table["freq_hz"], table[column], "s", mfc="none", color=RED, label="paper Table 3")
+    for ax, (get, theirs, label) in zip(axes, panels, strict=True):
+        if published is not None:
+            ax.plot(published.freq_hz, theirs(published), "s", mfc="none", color=RED, label="paper Table 3")
         _line(ax, rows, get, marker="o", ms=4, color="black", label="ours")
         ax.set_ylabel(label)
     _mark_falls(axes, rows)
@@ -363,15 +365,12 @@ def _spacing(rows: Sequence[Result]) -> float:
     return float(np.diff(f).min()) if len(f) > 1 else float(f[0]) / 10
 
 
-def _shade_published_modes(ax: Axes, paper: Paper) -> None:
+def _shade_published_modes(ax: Axes, published: Table3 | None) -> None:
     """Shade the frequencies at which paper Table 3 shows each mode, and hatch the bracket between them."""
-    table = (paper or {}).get("table_3", {})
-    if not {"freq_hz", "mode"} <= set(table):
+    if published is None:
         return
-    span = {
-        name: [f for f, found in zip(table["freq_hz"], table["mode"], strict=True) if found == name]
-        for name in ("in", "anti")
-    }
+    modes = list(zip(published.freq_hz, published.mode, strict=True))
+    span = {name: [freq for freq, mode in modes if mode == name] for name in ("in", "anti")}
     for name, found in span.items():
         if found:
             colour = MODE_COLOUR[f"{name}-phase"]
