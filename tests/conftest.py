@@ -7,19 +7,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-import hydra
 import pytest
 import torch
 from hypothesis import settings
 from pydantic import BaseModel
 
-from envs.body.segments import Segments
+from envs.body.segments import Segments, read_segments
 from envs.config import EnvConfig
-from posture.cli.jobs import CONF, plain
+from posture.cli import jobs
 from posture.config.eval import EvalConfig
-from posture.config.reading import read
 from posture.config.train import TrainConfig
-from posture.theory.stander import segments
 
 Schema = TypeVar("Schema", bound=BaseModel)
 
@@ -39,8 +36,7 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "quick"))
 @functools.cache
 def composed(command: str, schema: type[Schema], overrides: tuple[str, ...]) -> Schema:
     """The checked configuration of a command with these overrides. Configurations are immutable, so tests share them."""
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        return read(schema, plain(hydra.compose(command, list(overrides))))
+    return jobs.compose(command, schema, *overrides)
 
 
 def compose(*overrides: str) -> TrainConfig:
@@ -68,7 +64,7 @@ def config(env_config: Callable[..., EnvConfig]) -> EnvConfig:
 @pytest.fixture(scope="session")
 def body(config: EnvConfig) -> Segments:
     """The default body as the theory reads it from the simulation."""
-    return segments(config)
+    return read_segments(config)
 
 
 @pytest.fixture(autouse=True)

@@ -19,7 +19,7 @@ from hydra.core.global_hydra import GlobalHydra
 
 from posture.cli import entry, jobs
 from posture.cli.jobs import Job
-from posture.cli.sweep import Standing, progress, sum_up, told
+from posture.cli.sweep import SweepProgress, fraction_done, print_summary, report_periodically
 from posture.config.errors import ConfigError
 from posture.config.eval import EvalConfig
 from posture.config.reproduce import ReproduceConfig
@@ -32,7 +32,7 @@ EVALUATIONS = ("ramp", "load", "amplitude", "engines")
 """Experiments that take the policies of Exp. 1."""
 POLICIES = "runs/frequency"
 """Where those are."""
-TOLD_EVERY_S = 60.0
+REPORT_EVERY_S = 60.0
 
 
 def reproduce(config: ReproduceConfig, _folder: Path) -> None:
@@ -46,16 +46,16 @@ def reproduce(config: ReproduceConfig, _folder: Path) -> None:
     to_train = [job for found in wanted.values() for job in found]
     failed = 0
     if "train" in config.stages:
-        standing = Standing(to_train)
-        with told(standing, "whole", TOLD_EVERY_S):
+        progress = SweepProgress(to_train)
+        with report_periodically(progress, "whole", REPORT_EVERY_S):
             for name in TRAININGS:
                 seeds = sorted({_seed(job) for job in wanted[name]})
                 failed |= run([*trainings[name], f"seed={','.join(map(str, seeds))}"], "train")
-    if "evaluate" in config.stages and any(progress(job) >= 1 for job in wanted["frequency"]):
+    if "evaluate" in config.stages and any(fraction_done(job) >= 1 for job in wanted["frequency"]):
         for name in EVALUATIONS:
             failed |= run(evaluation(name, config), "eval")
     if "report" in config.stages or "ship" in config.stages:
-        # Only now, so that bad input is answered before physics takes seconds to import.
+        # Imported here because they are slow.
         from posture.reproduce.page.document import warnings, write_report
         from posture.reproduce.results import collect
         from posture.reproduce.ship import ship
@@ -69,7 +69,7 @@ def reproduce(config: ReproduceConfig, _folder: Path) -> None:
             print(write_report(results, Path(config.out), commands(config), _ramp_start(trials["ramp"])))
         if "ship" in config.stages:
             ship(results.jobs)
-    if "train" in config.stages and not sum_up(to_train, standing.before):
+    if "train" in config.stages and not print_summary(to_train, progress.done_before):
         failed = True
     if failed:
         sys.exit(1)

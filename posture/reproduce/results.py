@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from envs.body.segments import Segments
+from envs.body.segments import Segments, read_segments
 from envs.config import EnvConfig
 from posture.analysis.results import Row, as_row, read_csv
 from posture.analysis.trajectory import Trajectory
 from posture.cli.jobs import Job
-from posture.cli.sweep import progress
+from posture.cli.sweep import fraction_done
 from posture.config.eval import EnvChanges, EvalConfig, EvaluationConfig
 from posture.config.published import read_published
 from posture.config.train import TrainConfig
@@ -21,7 +21,7 @@ from posture.storage import run_dir
 from posture.theory.motion import motion_indices
 from posture.theory.program import InfeasibleError
 from posture.theory.reward_optimum import reward_optimum
-from posture.theory.stander import linearise, segments
+from posture.theory.stander import linearise
 from posture.theory.transition import bound_transition, reward_transition, sinusoid_transition
 
 BESIDE_THE_REWARD = ("frequency", "energy", "load", "hip_stiffness")
@@ -55,7 +55,7 @@ def collect(
 
     `search`: where theory's transitions are looked for [Hz].
     """
-    done = {name: [job for job in jobs if progress(job) >= 1] for name, jobs in trained.items()}
+    done = {name: [job for job in jobs if fraction_done(job) >= 1] for name, jobs in trained.items()}
     policies = done["frequency"]
     if not policies:
         return None
@@ -88,7 +88,7 @@ def theory_transitions(run: TrainConfig, search: tuple[float, float]) -> dict[st
     """The switch frequency [Hz] of the stander of `run` by theory, nan where there is none: of the least-torque sinusoid, of
     the least-torque motion within the tolerance, of the optimum of its reward."""
     tolerance = run.evaluation.tolerance
-    stander = linearise(segments(run.env), run.env)
+    stander = linearise(read_segments(run.env), run.env)
     found = {
         "sinusoid": sinusoid_transition(stander, search),
         "least": bound_transition(stander, run.env.amplitude, tolerance, search),
@@ -133,7 +133,7 @@ def _beside_the_reward(rows: Sequence[Row], run: TrainConfig, freq: float | None
     """`rows` with the columns reward_* of the optimum of the reward that was trained (posture/theory/reward_optimum.py):
     hip_ankle_r, cost, energy_j; nan where it prefers no motion. `freq` [Hz]: at this one alone, since each takes half a
     second."""
-    body = segments(run.env)
+    body = read_segments(run.env)
     known: dict[tuple[float, ...], Row] = {}
     joined = []
     for row in rows:

@@ -32,7 +32,7 @@ p_0 = a + G_0 / (m g) the value upright,
 
     p = p_0 + [G_1 - L' - H m x''_com - (p_0 - a) m z''_com] / (m g),
 
-which is linear in q and q''. The ends of the sole's contact line bound it; friction, which is not looked at, would need
+which is linear in q and q''. The ends of the sole's contact line bound it; friction, which is not modelled, would need
 |x''_com| < mu g. All of this is of the linear model: the squares of the angles are left out.
 """
 
@@ -93,15 +93,6 @@ class Stander:
         """Centre of pressure over joint angle [m/rad] at angular frequencies `omega` (n,) [rad/s]. Shape (n, 2)."""
         w = np.asarray(omega, dtype=np.float64)[:, None]
         return self.cop_angle - w**2 * self.cop_acceleration
-
-
-def segments(config: EnvConfig) -> Segments:
-    """The body as simulated, read from the Newton model that `envs.body.model.build_model` gives."""
-    # Only here, so that what is computed from the result needs no simulator.
-    from envs.body import segments as planar
-    from envs.body.model import build_model
-
-    return planar.segments(build_model(config, num_worlds=1, device="cpu"))
 
 
 def linearise(body: Segments, config: EnvConfig) -> Stander:

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from envs.body.segments import read_segments
 from posture.analysis.results import Row, write_rows
 from posture.config.published import read_published
 from posture.config.train import TrainConfig
@@ -24,7 +25,6 @@ from posture.reproduce.page.text import FIGURES, HOW_TO_READ, SUBTITLE, THEORY, 
 from posture.reproduce.results import Results
 from posture.storage import run_dir
 from posture.storage.atomic import replacing
-from posture.theory.stander import segments
 
 
 def write_report(results: Results, out: Path, commands: Sequence[str], ramp_start: float) -> Path:
@@ -39,7 +39,7 @@ def write_report(results: Results, out: Path, commands: Sequence[str], ramp_star
     for name, rows in results.rows.items():
         write_rows(_even(rows), out / "tables" / f"{name}.csv")
     write_rows([asdict(claim) for claim in claims], out / "tables" / "verdicts.csv")
-    body = segments(run.env)
+    body = read_segments(run.env)
     figures = draw_report(
         results.rows,
         results.traces,

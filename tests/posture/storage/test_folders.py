@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from posture.cli.jobs import check
-from posture.cli.sweep import guarded, status
+from posture.cli.sweep import run_job, status
 from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
 from posture.storage import run_dir, yaml_files
@@ -107,7 +107,7 @@ def test_a_path_upwards_is_where_it_says(monkeypatch, tmp_path):
 
 # -- two at once -----------------------------------------------------------------------------------------------------
 
-NAME = "import sys, time; from posture.run_dir import folder_for; from pathlib import Path; \
+NAME = "import sys, time; from posture.storage.run_dir import folder_for; from pathlib import Path; \
 time.sleep(max(0, float(sys.argv[1]) - time.time())); f = folder_for('runs', None); Path(f).mkdir(parents=True); print(f)"
 
 
@@ -119,7 +119,7 @@ def test_runs_started_at_the_same_moment_have_folders_of_their_own():
     assert len({folder.rsplit("_", 1)[0] for folder in folders}) <= 2, "they were to be named in the same second"
 
 
-HOLD = "import sys, time; from pathlib import Path; from posture.lock import locked\n\
+HOLD = "import sys, time; from pathlib import Path; from posture.storage.lock import locked\n\
 with locked(Path(sys.argv[1])): print('held', flush=True); time.sleep(100)"
 
 
@@ -138,10 +138,10 @@ def holder(tmp_path):
 def test_a_folder_in_work_is_refused_until_its_process_dies(holder, monkeypatch, capsys):
     job, process = holder
     assert is_busy(job)
-    with pytest.raises(ConfigError, match="another process is at work in it"), locked(job):
+    with pytest.raises(ConfigError, match="another process is using this folder"), locked(job):
         pass
     line = refused(monkeypatch, capsys, "train", *QUICK, f"hydra.run.dir={job}")
-    assert "another process is at work in it" in line and not (job / "config.yaml").exists()
+    assert "another process is using this folder" in line and not (job / "config.yaml").exists()
     process.send_signal(signal.SIGKILL)  # no chance to tidy up
     process.wait()
     assert not is_busy(job)
@@ -154,8 +154,8 @@ def test_a_folder_in_work_is_refused_until_its_process_dies(holder, monkeypatch,
 def test_a_job_in_work_elsewhere_is_left_to_it(holder, capsys):
     job, process = holder
     (job / "status.yaml").write_text("state: running\nbegan: theirs\n")
-    guarded(lambda: pytest.fail("it ran"), job, quiet=False)
-    assert "left out" in capsys.readouterr().out
+    run_job(lambda: pytest.fail("it ran"), job, to_log=False)
+    assert "skipped" in capsys.readouterr().out
     assert status(job) == {"state": "running", "began": "theirs"}
 
 
@@ -169,7 +169,7 @@ def test_a_sweep_names_the_job_that_another_process_has(monkeypatch, capsys):
             call(monkeypatch, "train", *sweep)
     told = capsys.readouterr().out
     assert stop.value.code == 1 and "sweep: 1 of 2 jobs done" in told
-    assert f"failed: {first}: another process is at work on it" in told
+    assert f"failed: {first}: another process is running it" in told
     assert not (first / "config.yaml").exists() and status(second)["state"] == "done"
     call(monkeypatch, "train", *sweep)
     assert "2 of 2 jobs done, 1 of them before" in capsys.readouterr().out
@@ -182,7 +182,7 @@ def test_ctrl_c_in_a_job_leaves_its_state_and_its_lock(tmp_path):
     for before in ("done", "running"):
         yaml_files.write_yaml(tmp_path / before / "status.yaml", {"state": before})
         with pytest.raises(KeyboardInterrupt):
-            guarded(interrupted, tmp_path / before, quiet=True)
+            run_job(interrupted, tmp_path / before, to_log=True)
         assert status(tmp_path / before)["state"] == before and not is_busy(tmp_path / before)
 
 
