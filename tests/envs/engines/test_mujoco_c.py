@@ -318,7 +318,7 @@ def test_state_can_be_taken_and_put_back(config):
 
 @pytest.mark.parametrize("device", ["cuda", "cuda:1"])
 def test_another_device_than_the_cpu_is_refused(config, device):
-    expected = f"^device: env.physics=mujoco_c computes on cpu alone, not on '{device}'$"
+    expected = f"^device: env.physics=mujoco_c computes only on the cpu, not on '{device}'$"
     with pytest.raises(ValueError, match=expected):
         MujocoCSimulation(config, 1, device)
     with pytest.raises(ConfigError, match=expected):
