@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from envs.engines.interface import ConstraintOverflowError
-from envs.engines.solver_mujoco import SpatialSimulation
+from envs.engines.newton_mujoco import NewtonMujocoSimulation
 from tests.mujoco_c import MujocoC
 
 GRAVITY = 9.81
@@ -16,7 +16,7 @@ GRAVITY = 9.81
 
 def simulation(config, worlds=1, height=0.0):
     """`worlds` standers, lifted by `height` [m]."""
-    sim = SpatialSimulation(config, worlds, "cpu")
+    sim = NewtonMujocoSimulation(config, worlds, "cpu")
     sim._joint_q[:, 2] += height
     return sim
 
@@ -131,8 +131,8 @@ def test_stiffness_and_load_take_effect_per_world(config):
     """Worlds that start alike part as their springs and loads differ, and each moves as one built that way."""
     sim = simulation(config, worlds=3)
     sim.set_subject(hip_k=torch.tensor([125.0, 50.0, 125.0]), load=torch.tensor([0.0, 0.0, 4.0]))
-    soft = SpatialSimulation(config.model_copy(update={"hip_k": 50.0}), 1, "cpu")
-    loaded = SpatialSimulation(config.model_copy(update={"load": 4.0}), 1, "cpu")
+    soft = NewtonMujocoSimulation(config.model_copy(update={"hip_k": 50.0}), 1, "cpu")
+    loaded = NewtonMujocoSimulation(config.model_copy(update={"load": 4.0}), 1, "cpu")
     plain = simulation(config)
     push = torques((-20.0, 5.0))
     for _ in range(10):
@@ -147,7 +147,7 @@ def test_stiffness_and_load_take_effect_per_world(config):
 
 
 def test_load_is_a_point_mass_at_the_centre_of_mass_of_the_hat(config):
-    sim = SpatialSimulation(config.model_copy(update={"load": 4.0}), 1, "cpu")
+    sim = NewtonMujocoSimulation(config.model_copy(update={"load": 4.0}), 1, "cpu")
     mass = sim.model.body_mass.numpy()
     assert mass[0] == pytest.approx(22.877 + 4.0, abs=1e-3)
     sim.set_subject(load=torch.tensor([2.0]))

@@ -13,8 +13,8 @@ from envs.body.joints import BODIES, JOINTS
 from envs.body.segments import segments
 from envs.engines.factory import simulate
 from envs.engines.interface import top_speed
+from envs.engines.newton_mujoco import NewtonMujocoSimulation
 from envs.engines.sagittal import SagittalSimulation
-from envs.engines.solver_mujoco import SpatialSimulation
 from tests.mujoco_c import MujocoC
 
 GRAVITY = 9.81
@@ -50,7 +50,7 @@ def placed(sim, q, qd):
     q, qd = (torch.as_tensor(np.atleast_2d(value), dtype=torch.float32) for value in (q, qd))
     if isinstance(sim, SagittalSimulation):
         sim._q[:], sim._qd[:] = q, qd
-        sim._place()
+        sim._write_outputs()
         return sim
     # Newton: quaternion x y z w, velocity of the centre of mass.
     at, speed = sim._joint_q.zero_(), sim._joint_qd.zero_()
@@ -150,7 +150,7 @@ def played(config):
         torque = both_sides(np.stack(push, 1))
         subject = {key: torch.tensor([getattr(trial, key) for trial in trials]) for key in ("hip_k", "ankle_k", "load")}
         engines = {}
-        for engine, make in (("sagittal", SagittalSimulation), ("spatial", SpatialSimulation)):
+        for engine, make in (("sagittal", SagittalSimulation), ("spatial", NewtonMujocoSimulation)):
             sim = make(rough, len(trials), "cpu")
             sim.set_subject(**subject)
             placed(sim, [trial.q for trial in trials], [trial.qd for trial in trials])
@@ -677,7 +677,7 @@ def test_segments_by_hand(config):
     def capsule(radius, *ends):
         return 1000 * math.pi * radius**2 * (math.dist(*ends) + 4 / 3 * radius)
 
-    sim, meter = SpatialSimulation(config, 1, "cpu"), Mechanics(config)
+    sim, meter = NewtonMujocoSimulation(config, 1, "cpu"), Mechanics(config)
     body = segments(sim.model)
     foot = 4 * capsule(0.027, (-0.07, -0.01), (0.14, -0.03))
     thigh, shin = capsule(0.06, (0, 0), (0.01, 0.34)), capsule(0.049, (0, 0), (0, 0.3))
@@ -703,7 +703,7 @@ def test_segments_by_hand(config):
 def test_starts_as_the_spatial_engine_does(config):
     """Upright, the same body in the same place at rest."""
     ours, theirs = (simulate(config.model_copy(update={"physics": name}), 2, "cpu") for name in ("sagittal", "mujoco"))
-    assert isinstance(ours, SagittalSimulation) and isinstance(theirs, SpatialSimulation)
+    assert isinstance(ours, SagittalSimulation) and isinstance(theirs, NewtonMujocoSimulation)
     assert torch.allclose(ours.body_pose, theirs.body_pose, atol=2e-7, rtol=0)
     for name in set(SHOWN) - {"body_pose"}:
         assert not bool(getattr(ours, name).any()) and not bool(getattr(theirs, name).any()), name
