@@ -124,6 +124,7 @@ def test_a_signal_stops_both_processes_after_the_same_iteration(number, to_all):
     stop_and_go_on(number, 2, to_all)
 
 
+@pytest.mark.slow
 def test_a_second_signal_ends_at_once_and_what_is_saved_stays():
     run = Path("twice")
     train(*PLAIN, "max_iterations=1", f"hydra.run.dir={run}")

@@ -35,7 +35,14 @@ def models():
     return {path: path.stat().st_mtime_ns for path in Path("runs").rglob("model_*.pt")}
 
 
-@pytest.mark.parametrize("launcher", [[], JOBLIB, SUBMITIT], ids=["basic", "joblib", "submitit"])
+@pytest.mark.parametrize(
+    "launcher",
+    [
+        pytest.param([], id="basic"),
+        pytest.param(JOBLIB, id="joblib", marks=pytest.mark.slow),
+        pytest.param(SUBMITIT, id="submitit", marks=pytest.mark.slow),
+    ],
+)
 def test_a_sweep_under_each_launcher(monkeypatch, capsys, launcher):
     """Each job gets the folder that was known beforehand; a second start trains nothing."""
     call(monkeypatch, "train", *SWEEP, *launcher)
