@@ -14,11 +14,10 @@ from posture.theory.motion import PeriodicMotion
 
 
 class LqrController:
-    """A policy for `posture.evaluation.rollout`: it reads the state of `env` itself, and returns normalised torques (N,
-    2)."""
+    """A policy for `rollout` that reads the state of `env` itself and returns normalised torques. Shape (N, 2)."""
 
     def __init__(self, env: HeadTrackingEnv, motions: Sequence[PeriodicMotion], config: LqrConfig, duration: float) -> None:
-        """`motions`[i] is what world i is to do, for `duration` [s] from the start of its episode."""
+        """`motions`[i] is the motion of world i, for `duration` [s] from the start of its episode."""
         if len(motions) != env.num_envs:
             raise ValueError(f"{len(motions)} motions for {env.num_envs} worlds")
         dt = env.config.control_dt

@@ -12,14 +12,15 @@ from posture.analysis.trajectory import Trajectory
 Policy = Callable[[TensorDict], torch.Tensor]
 
 MIN_LOAD_N = 1.0
-"""With less force under the feet than this there is no centre of pressure to speak of [N]."""
+"""With less force under the feet than this the centre of pressure is undefined [N]."""
 
 
 def rollout(env: HeadTrackingEnv, policy: Policy, freq: torch.Tensor | None, duration: float) -> Trajectory:
     """Let `policy` act in every world of `env` from standing, for `duration` [s]; world i follows `freq`[i] [Hz] (N,).
 
-    `freq` None leaves the targets to the environment's own configuration. Whatever ends an episode in `env` is taken for a
-    fall: from then on the record of that world is nan. Raises `ConstraintOverflowError` where physics was cut short.
+    `freq` None leaves the targets to the environment's own configuration. Whatever ends an episode in `env` counts as a
+    fall: from then on the record of that world is nan. Raises `ConstraintOverflowError` where a limit of the solver was
+    exceeded.
     """
     steps = round(duration / env.config.control_dt)
     if freq is not None:
