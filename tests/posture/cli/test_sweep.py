@@ -69,13 +69,7 @@ def test_a_second_start_does_what_is_missing(monkeypatch, capsys):
     (folder / "status.yaml").write_text("state: running\n")
     resume = checkpoint.load(folder / "resume.pt", "cpu")
     assert resume["iteration"] == 2
-    call(
-        monkeypatch,
-        "train",
-        *[a for a in UNEVALUATED if "max_iterations" not in a],
-        "max_iterations=1",
-        "env.energy_weight=5",
-    )
+    call(monkeypatch, "train", *UNEVALUATED, "max_iterations=1", "env.energy_weight=5")
     (shorter,) = [path for path in Path("runs/energy").iterdir() if path.is_dir() and path != folder]
     for name in ("resume.pt", "model_1.pt"):
         (folder / name).write_bytes((shorter / name).read_bytes())  # as a kill after the first iteration leaves it
