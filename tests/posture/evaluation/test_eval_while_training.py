@@ -15,7 +15,13 @@ from posture.storage import checkpoint
 from posture.storage.run_dir import iteration_of, newest_model
 from tests.commands import TINY, call, runs
 
-LEARNING = [*(a for a in TINY if "max_iterations" not in a and "save_interval" not in a), "agent.save_interval=5"]
+# Constant weights: schedules are shares of the training, and the two trainings that are compared differ in length.
+CONSTANT = ["env.reward.stay_weight=1.5", "env.reward.target_weight=1.5", "env.reward.ended=-9"]
+LEARNING = [
+    *(a for a in TINY if "max_iterations" not in a and "save_interval" not in a),
+    "agent.save_interval=5",
+    *CONSTANT,
+]
 EVALUATION = [*(a for a in TINY if a.startswith("evaluation")), "evaluation.figures=false", "evaluation.freq=[0.5]"]
 
 opened: list[tuple[str, str]] = []
