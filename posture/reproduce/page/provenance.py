@@ -23,8 +23,8 @@ def mixed(jobs: Sequence[Job]) -> str:
     """In one sentence, in what the code and versions of the trainings differ that are done; empty where they do not."""
     by_run = {job.folder: _starts(job) for job in jobs if fraction_done(job) >= 1}
     differing = []
-    if len(codes := _runs_by(by_run, lambda start: start["envs_version"])) > 1:
-        differing.append(f"code of the physics and the task: {_told(codes)}")
+    if len(codes := _runs_by(by_run, _code)) > 1:
+        differing.append(f"code of the task, the physics and the learner: {_told(codes)}")
     for name in sorted({name for starts in by_run.values() for start in starts for name in start["versions"]}):
         if len(found := _runs_by(by_run, _version_of(name))) > 1:
             differing.append(f"{name}: {_told(found)}")
@@ -50,7 +50,7 @@ def made(jobs: Sequence[Job], commands: Sequence[str]) -> list[Block]:
         "platforms": {start["platform"] for start in starts},
         "pythons": {start["python"] for start in starts},
         "versions": {f"{name} {version}" for start in starts for name, version in start["versions"].items()},
-        "codes": {f"`{start['envs_version']}`" for start in starts},
+        "codes": {f"`{_code(start)}`" for start in starts},
         "commits": {f"`{start['git_commit']}`" for start in starts},
     }
     days = sorted(start["started"][:10] for start in starts)
@@ -71,6 +71,11 @@ def made(jobs: Sequence[Job], commands: Sequence[str]) -> list[Block]:
 def _starts(job: Job) -> list[dict[str, Any]]:
     """What a training's folder says of each of its starts: it may have been resumed."""
     return yaml_files.read_yaml(job.folder / "provenance.yaml") or []
+
+
+def _code(start: dict[str, Any]) -> str:
+    """Digest of the code of a training; trainings of earlier versions have that of the package `envs` alone."""
+    return str(start.get("training_code") or start["envs_version"])
 
 
 def _version_of(package: str) -> Callable[[dict[str, Any]], object]:

@@ -61,7 +61,7 @@ def test_results_of_other_code_are_left_out_and_named(reproduced, monkeypatch, c
     (run,) = run_dir.runs_in(Path("runs/frequency"))
     about = yaml_files.read_yaml(run / "evaluation" / "trial.yaml")
     try:
-        yaml_files.write_yaml(run / "evaluation" / "trial.yaml", about | {"envs_version": "of another day"})
+        yaml_files.write_yaml(run / "evaluation" / "trial.yaml", about | {"training_code": "of another day"})
         call(monkeypatch, "reproduce", "seeds=1", OVERRIDES, "out=other", "stages=[report]")
     finally:
         yaml_files.write_yaml(run / "evaluation" / "trial.yaml", about)

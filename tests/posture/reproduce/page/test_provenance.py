@@ -22,7 +22,7 @@ def jobs(tmp_path, monkeypatch):
     (one,) = check("train", TrainConfig, TINY).jobs
     made = [Job(one.config, Path("runs/frequency") / name) for name in NAMES]
     for job in made:
-        folder(job.folder, {"envs_version": "aaaa", "versions": VERSIONS})
+        folder(job.folder, {"training_code": "aaaa", "versions": VERSIONS})
     return made
 
 
@@ -39,26 +39,26 @@ def test_trainings_alike_need_no_warning(jobs):
 
 
 def test_other_code_is_named_with_its_trainings(jobs):
-    folder(jobs[1].folder, {"envs_version": "bbbb", "versions": VERSIONS})
+    folder(jobs[1].folder, {"training_code": "bbbb", "versions": VERSIONS})
     told = mixed(jobs)
     assert "mixed" in told and "`aaaa` in 4 trainings" in told and "`bbbb` in 1 trainings (seed-2)" in told
     assert "newton" not in told
 
 
 def test_other_physics_is_named_with_its_trainings(jobs):
-    folder(jobs[4].folder, {"envs_version": "aaaa", "versions": VERSIONS | {"newton": "1.9.0"}})
+    folder(jobs[4].folder, {"training_code": "aaaa", "versions": VERSIONS | {"newton": "1.9.0"}})
     told = mixed(jobs)
     assert "newton: `1.8.0` in 4 trainings, `1.9.0` in 1 trainings (seed-5)" in told
-    assert "torch" not in told and "code of the physics" not in told
+    assert "torch" not in told and "code of the task" not in told
 
 
 def test_a_training_resumed_by_other_code_is_mixed_in_itself(jobs):
-    folder(jobs[0].folder, *({"envs_version": code, "versions": VERSIONS} for code in ("aaaa", "bbbb")))
+    folder(jobs[0].folder, *({"training_code": code, "versions": VERSIONS} for code in ("aaaa", "bbbb")))
     assert "`aaaa` in 5 trainings, `bbbb` in 1 trainings (seed-1)" in mixed(jobs)
 
 
 def test_one_that_is_not_done_does_not_count(jobs):
-    folder(jobs[1].folder, {"envs_version": "bbbb", "versions": VERSIONS})
+    folder(jobs[1].folder, {"training_code": "bbbb", "versions": VERSIONS})
     yaml_files.write_yaml(jobs[1].folder / "status.yaml", {"state": "running"})
     assert mixed(jobs) == ""
 
