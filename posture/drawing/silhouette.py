@@ -13,9 +13,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cache
-from importlib.util import find_spec
+from importlib.resources import files
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -178,13 +177,10 @@ def draw_phases(
 
 @cache
 def _model() -> Any:
-    """The body as MuJoCo reads it; its file is found without importing `envs`, which needs the simulator."""
-    import mujoco  # only where a body is drawn: figures without one need no simulator
+    """The body as MuJoCo reads it."""
+    import mujoco  # imported here so that figures without a body need no simulator
 
-    spec = find_spec("envs")
-    if spec is None or spec.origin is None:
-        raise ModuleNotFoundError("the package envs, which holds humanoid.xml, is not installed")
-    return mujoco.MjModel.from_xml_path(str(Path(spec.origin).with_name("body") / "humanoid.xml"))
+    return mujoco.MjModel.from_xml_path(str(files("envs.body") / "humanoid.xml"))
 
 
 def _pose(hip: float, ankle: float, foot_x: float) -> Any:
