@@ -256,7 +256,7 @@ def test_dropped_contacts_are_an_error(config):
 
 @pytest.mark.parametrize("device", ["cuda", "cuda:1"])
 def test_another_device_than_the_cpu_is_refused(config, device):
-    expected = f"^device: env.physics=mujoco_c computes on cpu alone, not on '{device}'$"
+    expected = f"^device: env.physics=mujoco_c computes only on the cpu, not on '{device}'$"
     with pytest.raises(ValueError, match=expected):
         MujocoCSimulation(config, 1, device)
     with pytest.raises(ConfigError, match=expected):

@@ -359,7 +359,7 @@ def test_missing_packages(monkeypatch, capsys, tmp_path):
         (["out=/proc/export", "what=[policy]"], "cannot write to the folder /proc/export"),
         (["what=[]"], "at least 1 item"),
         (["what=[video]"], "'trajectories' or 'policy'"),
-        (["evaluation.freq=[0.5,0.9,0.5]"], "0.5 Hz stands there twice"),
+        (["evaluation.freq=[0.5,0.9,0.5]"], "0.5 Hz is listed twice"),
         (["evaluation.freq=[0]"], "greater than or equal to 0.001"),
         (["evaluation.duration=5"], "evaluation.transient: 10 s leaves nothing"),
         (["in_degrees=3"], "in_degrees"),
