@@ -55,9 +55,10 @@ test: setup ## run the quick tests; pytest options in ARGS
 test-slow: setup ## run the slow tests alone; pytest options in ARGS
 	$(BIN)/python -m pytest -m slow $(ARGS)
 
-lint: setup ## check style and formatting
+lint: setup ## check style, formatting and which package imports which
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports --no-logo
 
 types: setup ## check types
 	$(BIN)/mypy
@@ -65,5 +66,5 @@ types: setup ## check types
 check: lint types test ## lint, types and quick tests: what must pass before a commit
 
 clean: ## remove caches and build output; never runs/ or .venv
-	rm -rf build *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis
+	rm -rf build *.egg-info .pytest_cache .ruff_cache .mypy_cache .hypothesis .import_linter_cache
 	find posture envs tests -type d -name __pycache__ -prune -exec rm -rf {} +

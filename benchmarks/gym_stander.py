@@ -71,7 +71,7 @@ class StanderEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
         """One control step."""
         hip, ankle = np.clip(action, -1.0, 1.0)
-        self.action[list(HIPS)], self.action[list(ANKLES)] = hip, ankle
+        self.action[HIPS], self.action[ANKLES] = hip, ankle
         self.data.qfrc_applied[self.dofs] = self.config.torque_limit * self.action
         mujoco.mj_step(self.model, self.data, self.config.solver.substeps)
         mujoco.mj_kinematics(self.model, self.data)  # mj_step leaves the places of before its last substep

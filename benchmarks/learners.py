@@ -30,10 +30,10 @@ from shared import alone, compose, hardware, missing, write
 from torch import distributed
 
 from envs.task.head_tracking import HeadTrackingEnv
-from posture.analysis.coordination import indices
+from posture.analysis.coordination import measure_trajectory
 from posture.config.train import TrainConfig
 from posture.evaluation.rollout import Policy, rollout
-from posture.evaluation.trial import AS_TRAINED, beside_theory, trial_config
+from posture.evaluation.trial import AS_TRAINED, trial_config, with_theory
 from posture.learning import parallel
 from posture.learning.learner import Learner
 
@@ -131,13 +131,13 @@ class Judge:
     def _evaluate(self, policy: Policy) -> tuple[float | None, int]:
         evaluation = self._config.evaluation
         freq = torch.tensor(evaluation.freq, dtype=torch.float64)
-        rows = indices(
+        rows = measure_trajectory(
             rollout(self._env, policy, freq, evaluation.duration),
             transient_s=evaluation.transient,
             tolerance_m=evaluation.tolerance,
             still_joint_deg=evaluation.still_joint_deg,
         )
-        valid = [row["cost_ratio"] for row in beside_theory(rows, self._env.config, evaluation) if row["valid"]]
+        valid = [row.cost_ratio for row in with_theory(rows, self._env.config, evaluation) if row.valid]
         return (round(statistics.mean(valid), 4) if valid else None), len(rows) - len(valid)
 
 
@@ -163,7 +163,7 @@ class _JudgedLearner(Learner):
 
 
 def _ours(config: TrainConfig, judge: Judge) -> int:
-    with parallel.crew(config.processes, config.device, _share, config, None):
+    with parallel.worker_processes(config.processes, config.device, _share, config, None):
         _share(config, judge)
     return config.processes
 

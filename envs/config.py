@@ -41,6 +41,30 @@ AnkleStiffness = Annotated[float, Field(ge=0, le=400)]
 Load = Annotated[float, Field(ge=0, le=50)]
 Sharpness = Annotated[float, Field(gt=0, le=10_000)]
 Physics = Literal["sagittal", "mujoco", "mujoco_c"]
+ObservationTerm = Literal[
+    "torso_height",
+    "torso_velocity",
+    "torso_angular_velocity",
+    "torso_pitch",
+    "torso_motion",
+    "torso_orientation",
+    "joint_angle",
+    "joint_velocity",
+    "hip_ankle_angle",
+    "hip_ankle_velocity",
+    "joint_force",
+    "foot_position",
+    "feet_place",
+    "foot_wrench",
+    "sole_load",
+    "head",
+    "last_action",
+    "last_command",
+    "target",
+    "target_velocity",
+    "target_error",
+]
+"""Names of the terms in envs/task/observations.py. Here, so that configurations are checked without torch."""
 
 
 class Ramp(Strict):
@@ -137,7 +161,10 @@ class EnvConfig(Strict):
     torque_limit: Annotated[float, Field(ge=1, le=500)]
     friction: Annotated[float, Field(ge=0.01, le=5)]
     observations: Annotated[
-        dict[Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")], Annotated[tuple[str, ...], Field(min_length=1)]],
+        dict[
+            Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")],
+            Annotated[tuple[ObservationTerm, ...], Field(min_length=1)],
+        ],
         Field(min_length=1),
     ]
 

@@ -7,9 +7,10 @@ python -m posture.eval ckpt=runs/<run> env.load=2
 python -m posture.eval policy=lqr                        # the model-based controller, no checkpoint
 """
 
+from dataclasses import replace
 from pathlib import Path
 
-from posture.analysis.coordination import Row, write_csv
+from posture.analysis.results import Result, write_csv
 from posture.cli import entry
 from posture.cli.jobs import identity
 from posture.cli.ranges import override_slug
@@ -41,9 +42,9 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
     for model, run in zip(models, runs, strict=True):
         load_policy(checkpoint.load(model, "cpu"), run, model, "cpu")
     # Only now, so that a checkpoint that is none, or another run's, is told of before physics takes seconds to import.
-    from posture.evaluation.trial import condition, evaluate
+    from posture.evaluation.trial import evaluate, origin
 
-    everything: list[Row] = []
+    everything: list[Result] = []
     home = None
     for model, run in zip(models, runs, strict=True):
         if run_dir.is_shipped(model):
@@ -55,7 +56,7 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
         if in_experiment and out is None:
             folder = job / model.parent.name
         rows = evaluate(model, run, config.evaluation, config.env, config.device, folder, config.again)
-        everything += [condition(run, config.env) | {"run": model.parent.name} | row for row in rows]
+        everything += [replace(row, origin=origin(run, config.env, model.parent.name)) for row in rows]
     if len(models) > 1 or in_experiment:
         table = (out or (job if entry.in_sweep() else Path(config.ckpt))) / "metrics.csv"
         write_csv(everything, table)

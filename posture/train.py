@@ -35,7 +35,7 @@ def _train(config: TrainConfig, folder: Path) -> None:
     begun = config.resume is not None or (folder / "resume.pt").exists()
     done = policy.iterations_done(folder) if begun else 0
     if done < config.max_iterations:
-        with parallel.crew(config.processes, config.device, _learn, config, folder, done > 0):
+        with parallel.worker_processes(config.processes, config.device, _learn, config, folder, done > 0):
             _learn(config, folder, done > 0)
     else:
         print(f"{folder}: already trained")
@@ -59,7 +59,7 @@ def _learn(config: TrainConfig, folder: Path, resume: bool) -> None:
     rank, size = parallel.rank(), parallel.size()
     if config.env.num_envs % size:
         raise ConfigError(f"env.num_envs = {config.env.num_envs} cannot be shared equally among {size} processes")
-    device = parallel.own_device(config.device)
+    device = parallel.local_device(config.device)
     torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed + 1_000_003 * rank)
     if rank == 0:

@@ -1,11 +1,15 @@
 """Names and order of bodies and joints, the same in every array of the project.
 
-A joint array has one column for each of `JOINTS`. `HIPS` and `ANKLES` are the columns of a kind, left and right, and HIP and
-ANKLE the places in a pair (hip, ankle) of one value for each kind.
+A joint array has one column for each of `JOINTS`; `HIPS` and `ANKLES`, `LEFT` and `RIGHT` select two of its columns. An
+array with one value for both sides has one column for each of `KINDS`; `HIP` and `ANKLE` select one of them.
 """
 
 BODIES = ("hat", "leg_left", "foot_left", "leg_right", "foot_right")
-JOINTS = ("hip_left", "ankle_left", "hip_right", "ankle_right")
 FEET = ("foot_left", "foot_right")
-HIPS, ANKLES = (0, 2), (1, 3)
-"""Places of the hips and of the ankles in `JOINTS`."""
+
+JOINTS = ("hip_left", "ankle_left", "hip_right", "ankle_right")
+HIPS, ANKLES = slice(0, 4, 2), slice(1, 4, 2)
+LEFT, RIGHT = slice(0, 2), slice(2, 4)
+
+KINDS = ("hip", "ankle")
+HIP, ANKLE = 0, 1

@@ -13,7 +13,7 @@ import numpy as np
 import warp
 from newton.solvers import SolverMuJoCo
 
-from envs.body.joints import ANKLES, BODIES, HIPS, JOINTS
+from envs.body.joints import BODIES, JOINTS
 from envs.config import EnvConfig
 
 # Warp would report every kernel module that it loads, some fifty lines.
@@ -35,10 +35,9 @@ def build_model(config: EnvConfig, num_worlds: int, device: str) -> newton.Model
     stander.add_mjcf(str(MJCF))
     _check_order(stander)
     first = stander.joint_dof_count - len(JOINTS)
-    for place, stiffness in zip((*HIPS, *ANKLES), 2 * [config.hip_k] + 2 * [config.ankle_k], strict=True):
-        stander.joint_stiffness[first + place] = stiffness
-        stander.joint_damping[first + place] = config.joint_damping
-        stander.joint_armature[first + place] = config.joint_armature
+    stander.joint_stiffness[first:] = 2 * [config.hip_k, config.ankle_k]
+    stander.joint_damping[first:] = len(JOINTS) * [config.joint_damping]
+    stander.joint_armature[first:] = len(JOINTS) * [config.joint_armature]
 
     builder = newton.ModelBuilder()
     SolverMuJoCo.register_custom_attributes(builder)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from envs.body.joints import ANKLE, BODIES, HIP, JOINTS
+
 if TYPE_CHECKING:
     import newton
 
@@ -69,7 +71,6 @@ class Segments:
 def segments(model: newton.Model) -> Segments:
     """The segments of one stander of `model`, of which all worlds are copies."""
     # Only here, so that what is computed from the result needs no simulator.
-    from envs.body.joints import BODIES, JOINTS
     from envs.body.model import geometry
 
     plane = [0, 2]
@@ -79,14 +80,13 @@ def segments(model: newton.Model) -> Segments:
     joints = slice(first, first + len(JOINTS))
     in_parent, in_child = (a.numpy()[joints, :3].astype(np.float64) for a in (model.joint_X_p, model.joint_X_c))
     hat, leg, foot = (BODIES.index(name) for name in ("hat", "leg_left", "foot_left"))
-    hip, ankle = (JOINTS.index(name) for name in ("hip_left", "ankle_left"))
     shape = geometry(model)
     sole = [label.rsplit("/", 1)[-1] for label in model.shape_label].index("sole_left")
     sole_z = float(model.shape_transform.numpy()[sole][2])
-    foot_frame = -in_child[ankle]
+    foot_frame = -in_child[ANKLE]
     # Hip and ankle lie as far from the midplane as the frames they are seen from.
-    hip_y = float(in_parent[hip][1] - in_child[hip][1])
-    ankle_y = hip_y + float(in_parent[ankle][1] - in_child[ankle][1])
+    hip_y = float(in_parent[HIP][1] - in_child[HIP][1])
+    ankle_y = hip_y + float(in_parent[ANKLE][1] - in_child[ANKLE][1])
     return Segments(
         hat_mass=float(mass[hat]),
         leg_mass=2 * float(mass[leg]),
@@ -94,12 +94,12 @@ def segments(model: newton.Model) -> Segments:
         hat_inertia=float(inertia[hat]),
         leg_inertia=2 * float(inertia[leg]),
         foot_inertia=2 * float(inertia[foot]),
-        hat_com=(com[hat] - in_parent[hip])[plane],
-        hat_frame=-in_parent[hip][plane],
-        head=(np.asarray(shape.head, dtype=np.float64) - in_parent[hip])[plane],
-        leg_com=(com[leg] - in_parent[ankle])[plane],
-        leg_frame=-in_parent[ankle][plane],
-        hip=(in_child[hip] - in_parent[ankle])[plane],
+        hat_com=(com[hat] - in_parent[HIP])[plane],
+        hat_frame=-in_parent[HIP][plane],
+        head=(np.asarray(shape.head, dtype=np.float64) - in_parent[HIP])[plane],
+        leg_com=(com[leg] - in_parent[ANKLE])[plane],
+        leg_frame=-in_parent[ANKLE][plane],
+        hip=(in_child[HIP] - in_parent[ANKLE])[plane],
         foot_com=(com[foot] + foot_frame)[plane],
         foot_frame=foot_frame[plane],
         heel=np.array([shape.heel_x + foot_frame[0], sole_z + foot_frame[2]]),

@@ -31,7 +31,7 @@ def build(config: EnvConfig) -> tuple[mujoco.MjModel, mujoco.MjData]:
     model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
     model.opt.iterations, model.opt.ls_iterations = config.solver.iterations, config.solver.ls_iterations
     hinges = [model.joint(name).id for name in JOINTS]
-    model.jnt_stiffness[hinges] = [config.ankle_k if place in ANKLES else config.hip_k for place in range(len(JOINTS))]
+    model.jnt_stiffness[hinges] = 2 * [config.hip_k, config.ankle_k]
     dofs = model.jnt_dofadr[hinges]
     model.dof_damping[dofs], model.dof_armature[dofs] = config.joint_damping, config.joint_armature
     model.geom_friction[:, 0] = config.friction
@@ -110,8 +110,8 @@ class MujocoCSimulation:
             if value is not None:
                 getattr(self, name).copy_(value)
         for world, model in enumerate(self._models):
-            model.jnt_stiffness[self._hinges[list(HIPS)]] = float(self.hip_k[world])
-            model.jnt_stiffness[self._hinges[list(ANKLES)]] = float(self.ankle_k[world])
+            model.jnt_stiffness[self._hinges[HIPS]] = float(self.hip_k[world])
+            model.jnt_stiffness[self._hinges[ANKLES]] = float(self.ankle_k[world])
             if load is not None:
                 model.body_mass[self._bodies[BODIES.index("hat")]] = self._nominal_mass + float(self.load[world])
                 mujoco.mj_setConst(model, self._scratch)  # the softness of contacts depends on mass

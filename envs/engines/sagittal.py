@@ -9,7 +9,7 @@ import torch
 import warp as wp
 from newton.solvers import SolverMuJoCo
 
-from envs.body.joints import ANKLES, BODIES, FEET, HIPS, JOINTS
+from envs.body.joints import ANKLE, BODIES, FEET, HIP, JOINTS
 from envs.body.model import build_model, geometry
 from envs.body.segments import Segments, segments
 from envs.config import EnvConfig
@@ -160,7 +160,7 @@ class SagittalSimulation:
         mujoco.mj_setConst(model, mujoco.MjData(model))
         model.body_mass[hat] = nominal
         first = model.nv - len(JOINTS)
-        dofs = model.dof_invweight0[[first + HIPS[0], first + ANKLES[0]]]
+        dofs = model.dof_invweight0[[first + HIP, first + ANKLE]]
         return [float(model.body_invweight0[foot, 0]), *map(float, dofs)]
 
     def _place(self) -> None:
@@ -213,7 +213,7 @@ def _constants(body: Segments, config: EnvConfig, model: mujoco.MjModel) -> Any:
         "half_width": body.half_width,
     }
     first = model.njnt - len(JOINTS)
-    hip, ankle = first + HIPS[0], first + ANKLES[0]
+    hip, ankle = first + HIP, first + ANKLE
     places["lower"], places["upper"] = model.jnt_range[[hip, ankle]].T
     for name, place_ in places.items():
         setattr(made, name, wp.vec2(*map(float, place_)))

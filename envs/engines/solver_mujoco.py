@@ -14,7 +14,7 @@ import warp as wp
 from mujoco_warp import OverflowType
 from newton.solvers import SolverMuJoCo
 
-from envs.body.joints import BODIES, FEET, JOINTS
+from envs.body.joints import ANKLES, BODIES, FEET, HIPS, JOINTS
 from envs.body.model import build_model, geometry
 from envs.config import EnvConfig
 from envs.engines.interface import ConstraintOverflowError, check_subject, top_speed
@@ -174,8 +174,8 @@ class SpatialSimulation:
                 getattr(self, name).copy_(value)
         if hip_k is not None or ankle_k is not None:
             stiffness = self._per_world(self.model.joint_stiffness)[:, _ROOT_QD:]
-            stiffness[:, 0::2] = self.hip_k[:, None]
-            stiffness[:, 1::2] = self.ankle_k[:, None]
+            stiffness[:, HIPS] = self.hip_k[:, None]
+            stiffness[:, ANKLES] = self.ankle_k[:, None]
             self._solver.notify_model_changed(newton.ModelFlags.JOINT_DOF_FORCE_PROPERTIES)
         if load is not None:
             hat = BODIES.index("hat")

@@ -6,14 +6,12 @@ import torch
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
-from envs.body.joints import ANKLES, BODIES, FEET, HIPS, JOINTS
+from envs.body.joints import ANKLE, ANKLES, BODIES, FEET, HIP, HIPS, JOINTS, KINDS
 from envs.body.rotation import rotate
 from envs.config import EnvConfig, as_plain
 from envs.engines.factory import simulate
 from envs.task import observations, rewards, target, terminations
 
-ACTIONS = ("hip", "ankle")
-"""One command moves the left and the right joint of a kind, as in the paper."""
 CHECK_CAPACITY_EVERY = 100
 """Control steps between two looks at the solver's overflow flags, which on a GPU cost a wait."""
 
@@ -41,7 +39,7 @@ class HeadTrackingEnv(VecEnv):
         self.config = config
         self.cfg = as_plain(config)
         self.num_envs = config.num_envs // part[1]
-        self.num_actions = len(ACTIONS)
+        self.num_actions = len(KINDS)
         low, high = config.episode_steps if isinstance(config.episode_steps, tuple) else 2 * (config.episode_steps,)
         self.max_episode_length = high
         self.device = device
@@ -79,8 +77,8 @@ class HeadTrackingEnv(VecEnv):
         """
         # 1. Act: one command for the left and the right joint of a kind.
         command = actions.clamp(-1.0, 1.0)
-        self.action[:, HIPS] = command[:, 0:1]
-        self.action[:, ANKLES] = command[:, 1:2]
+        self.action[:, HIPS] = command[:, HIP, None]
+        self.action[:, ANKLES] = command[:, ANKLE, None]
 
         # 2. Physics.
         self.sim.step(self.config.torque_limit * self.action)

@@ -9,53 +9,19 @@ leave out the first `transient_s` seconds. An index that cannot be computed is n
 
 from __future__ import annotations
 
-import csv
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.stats import circmean, circstd
 
-from posture.analysis.trajectory import ANKLE, HIP, Array, Trajectory
-from posture.storage.atomic import replacing
-
-Row = dict[str, Any]
+from envs.body.joints import ANKLES, HIPS
+from posture.analysis.results import Result
+from posture.analysis.trajectory import Array, Trajectory
 
 COP_PERCENTILES = (5, 25, 50, 75, 95)
-
-
-@dataclass(frozen=True)
-class Indices:
-    """The measured columns of one world, nan where undefined; "whole" marks those over the whole trial."""
-
-    cycles: float = math.nan  # number of whole target cycles after the transient
-    hip_ankle_r: float = math.nan  # Pearson, whole; positive in-phase. Paper Fig. 10
-    relative_phase_paper_rad: float = math.nan  # 0 .. pi/2, by the maxima. Paper, relative phase
-    relative_phase_deg: float = math.nan  # 0 .. 180, the same as usually counted
-    phase_mean_deg: float = math.nan  # -180 .. 180, hip - ankle, circular mean. Field practice
-    phase_sd_deg: float = math.nan  # its circular standard deviation over cycles. Field practice
-    target_head_r: float = math.nan  # Pearson, whole. Paper Table 3
-    head_amplitude_m: float = math.nan  # half the peak-to-peak, mean over cycles. Paper Table 3
-    head_speed_mps: float = math.nan  # mean absolute head velocity, whole. Paper Table 3
-    tracking_error_mean_mm: float = math.nan  # mean |head - target|
-    tracking_error_rms_mm: float = math.nan
-    beyond_tolerance_share: float = math.nan  # of time, 0 .. 1
-    energy_j: float = math.nan  # whole. Paper Eq. 9
-    cost: float = math.nan  # mean sum of squared normalised torques. Paper Eq. 10, normalised
-    hip_range_deg: float = math.nan  # peak-to-peak of the mean of left and right, as the three below
-    ankle_range_deg: float = math.nan
-    hip_torque_range_nm: float = math.nan
-    ankle_torque_range_nm: float = math.nan
-    cop_p05_m: float = math.nan  # percentiles of the centre of pressure in the foot frame, forward positive,
-    cop_p25_m: float = math.nan  # over the time in which a foot carries load
-    cop_p50_m: float = math.nan
-    cop_p75_m: float = math.nan
-    cop_p95_m: float = math.nan
-    foot_not_flat_share: float = math.nan  # of time, 0 .. 1, with a heel or a toe off the ground
-    foot_displacement_max_m: float = math.nan  # whole
 
 
 def correlation(a: Array, b: Array) -> float:
@@ -133,14 +99,11 @@ def circular_mean_sd(angles_deg: Array) -> tuple[float, float]:
     nan entries are left out; the mean of none and the deviation of fewer than two are nan. Source: field
     practice (Mardia and Jupp, Directional Statistics).
     """
-    unit = np.exp(1j * np.radians(angles_deg[np.isfinite(angles_deg)]))
-    if not len(unit):
+    known = angles_deg[np.isfinite(angles_deg)]
+    if not len(known):
         return math.nan, math.nan
-    resultant = unit.mean()
-    mean = math.degrees(np.angle(resultant))
-    length = min(abs(resultant), 1.0)  # rounding may put it just above 1
-    sd = math.degrees(math.sqrt(-2 * math.log(length))) if length > 0 else math.inf
-    return mean, sd if len(unit) > 1 else math.nan
+    span = {"low": -180.0, "high": 180.0}
+    return float(circmean(known, **span)), float(circstd(known, **span)) if len(known) > 1 else math.nan
 
 
 def cycle_amplitude(signal: Array, parts: list[slice]) -> float:
@@ -175,7 +138,7 @@ def cop_percentiles(cop_x: Array) -> Array:
     return np.percentile(loaded, COP_PERCENTILES) if len(loaded) else np.full(len(COP_PERCENTILES), math.nan)
 
 
-def transition_frequency(freq: ArrayLike, correlation: ArrayLike) -> float | None:
+def sign_change_frequency(freq: ArrayLike, correlation: ArrayLike) -> float | None:
     """Frequency [Hz] of the first sign change of the correlation along rising frequency; None without one.
 
     Arrays (N,) in any order; linear between neighbours. A nan (a fall, an undefined mode) is left out, which
@@ -193,49 +156,50 @@ def transition_frequency(freq: ArrayLike, correlation: ArrayLike) -> float | Non
     return None
 
 
-def indices(trajectory: Trajectory, *, transient_s: float, tolerance_m: float, still_joint_deg: float) -> list[Row]:
-    """One flat row a world: conditions, `valid`, `fell`, `fall_time_s`, `mode`, and the columns of `Indices`.
+def measure_trajectory(
+    trajectory: Trajectory, *, transient_s: float, tolerance_m: float, still_joint_deg: float
+) -> list[Result]:
+    """The results of a trial, one for each world.
 
-    `transient_s` [s] is left out at the start (see the module's head for which indices). `tolerance_m` [m] is
-    the head-target distance beyond which tracking counts as lost. A joint whose peak-to-peak angle after the
-    transient is below `still_joint_deg` [deg] hardly moves: its coordination is undefined.
+    `transient_s` [s] is left out at the start (`Result` says of which indices). `tolerance_m` [m] is the head-target
+    distance beyond which tracking counts as lost. The coordination of a joint whose peak-to-peak angle after the
+    transient is below `still_joint_deg` [deg] is undefined.
 
-    A world that fell, or whose signals are not finite, has `valid` false and every index nan, so that it is
-    never averaged in. Raises ValueError where the transient leaves nothing of the trial.
+    A world that fell, or whose signals are not finite, is not valid and has every index nan, so that no average includes it.
+    Raises ValueError where the transient leaves nothing of the trial.
     """
     if np.count_nonzero(trajectory.time >= transient_s) < 2:
         end = trajectory.time[-1]
         raise ValueError(f"transient_s is {transient_s:g} s, but the trial ends at {end:g} s")
-    rows = []
+    results = []
     for w, fall_step in enumerate(trajectory.fall_step):
         fell = bool(fall_step >= 0)
-        valid = not fell and _finite(trajectory, w)
-        measured = _measure(trajectory, w, transient_s, tolerance_m, still_joint_deg) if valid else Indices()
-        rows.append(
-            {
-                "freq_hz": float(trajectory.freq[w]),
-                "hip_k_nm_per_rad": float(trajectory.hip_k[w]),
-                "ankle_k_nm_per_rad": float(trajectory.ankle_k[w]),
-                "load_kg": float(trajectory.load[w]),
-                "valid": valid,
-                "fell": fell,
-                "fall_time_s": float(trajectory.time[fall_step]) if fell else math.nan,
-                "mode": mode(measured.hip_ankle_r),
-                **asdict(measured),
-            }
+        result = Result(
+            freq_hz=float(trajectory.freq[w]),
+            hip_k_nm_per_rad=float(trajectory.hip_k[w]),
+            ankle_k_nm_per_rad=float(trajectory.ankle_k[w]),
+            load_kg=float(trajectory.load[w]),
+            valid=not fell and _finite(trajectory, w),
+            fell=fell,
+            fall_time_s=float(trajectory.time[fall_step]) if fell else math.nan,
         )
-    return rows
+        if result.valid:
+            result = _measure_world(trajectory, w, transient_s, tolerance_m, still_joint_deg, result)
+        results.append(result)
+    return results
 
 
 def _finite(trajectory: Trajectory, w: int) -> bool:
-    """Whether the simulation of world `w` held. The centre of pressure may be nan: no foot carries load."""
+    """Whether all signals of world `w` are finite; the centre of pressure may be nan, where no foot carries load."""
     names = ("target_x", "head_x", "head_vx", "joint_angle", "joint_velocity", "joint_torque", "torso_height")
     return all(bool(np.isfinite(getattr(trajectory, name)[:, w]).all()) for name in names)
 
 
-def _measure(trajectory: Trajectory, w: int, transient_s: float, tolerance_m: float, still_joint_deg: float) -> Indices:
-    """All indices of world `w`, which must be valid."""
-    time, freq = trajectory.time, float(trajectory.freq[w])
+def _measure_world(
+    trajectory: Trajectory, w: int, transient_s: float, tolerance_m: float, still_joint_deg: float, result: Result
+) -> Result:
+    """`result` with all indices of world `w`, which must be valid."""
+    time, freq = trajectory.time, result.freq_hz
     after = time >= transient_s
     parts = cycles(time, freq, transient_s)
     hip, ankle = trajectory.hip[:, w], trajectory.ankle[:, w]
@@ -244,13 +208,15 @@ def _measure(trajectory: Trajectory, w: int, transient_s: float, tolerance_m: fl
     error = np.abs(head - target)[after]
     hip_range, ankle_range = (float(np.degrees(np.ptp(angle[after]))) for angle in (hip, ankle))
     moving = min(hip_range, ankle_range) >= still_joint_deg
+    r = correlation(hip, ankle) if moving else math.nan
     phase = relative_phase_paper(hip, ankle, time, freq, parts) if moving else math.nan
-    phases = cycle_phases(hip, ankle, time, freq, parts, math.radians(still_joint_deg))
-    phase_mean, phase_sd = circular_mean_sd(phases)
-    cop = cop_percentiles(trajectory.cop_x[after, w])
-    return Indices(
+    phase_mean, phase_sd = circular_mean_sd(cycle_phases(hip, ankle, time, freq, parts, math.radians(still_joint_deg)))
+    p05, p25, p50, p75, p95 = map(float, cop_percentiles(trajectory.cop_x[after, w]))
+    return replace(
+        result,
+        mode=mode(r),
         cycles=len(parts),
-        hip_ankle_r=correlation(hip, ankle) if moving else math.nan,
+        hip_ankle_r=r,
         relative_phase_paper_rad=phase,
         relative_phase_deg=math.degrees(2 * phase),
         phase_mean_deg=phase_mean,
@@ -265,35 +231,13 @@ def _measure(trajectory: Trajectory, w: int, transient_s: float, tolerance_m: fl
         cost=torque_cost(torque[after], trajectory.torque_limit),
         hip_range_deg=hip_range,
         ankle_range_deg=ankle_range,
-        hip_torque_range_nm=float(np.ptp(torque[after, HIP].mean(axis=1))),
-        ankle_torque_range_nm=float(np.ptp(torque[after, ANKLE].mean(axis=1))),
-        **{f"cop_p{p:02d}_m": float(x) for p, x in zip(COP_PERCENTILES, cop, strict=True)},
+        hip_torque_range_nm=float(np.ptp(torque[after, HIPS].mean(axis=1))),
+        ankle_torque_range_nm=float(np.ptp(torque[after, ANKLES].mean(axis=1))),
+        cop_p05_m=p05,
+        cop_p25_m=p25,
+        cop_p50_m=p50,
+        cop_p75_m=p75,
+        cop_p95_m=p95,
         foot_not_flat_share=float(np.mean(~trajectory.foot_flat[after, w])),
         foot_displacement_max_m=float(trajectory.foot_displacement[:, w].max()),
     )
-
-
-def write_csv(rows: list[Row], path: str | Path) -> None:
-    """Write rows as CSV, floats to six digits, nan as "nan"; atomic. ValueError if there is none."""
-    if not rows:
-        raise ValueError(f"no rows to write to {path}")
-    with replacing(Path(path)) as temporary, temporary.open("w", newline="") as file:
-        writer = csv.DictWriter(file, fieldnames=list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        for row in rows:
-            writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
-
-
-def read_csv(path: str | Path) -> list[Row]:
-    """Read what `write_csv` wrote: numbers as float, True and False as bool, all else as text."""
-    with Path(path).open(newline="") as file:
-        return [{name: _value(text) for name, text in row.items()} for row in csv.DictReader(file)]
-
-
-def _value(text: str) -> float | bool | str:
-    if text in ("True", "False"):
-        return text == "True"
-    try:
-        return float(text)
-    except ValueError:
-        return text

@@ -9,7 +9,7 @@ drawn.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from posture.analysis.coordination import Row
+from posture.analysis.results import NO_LEAST, Result
 from posture.analysis.trajectory import Array, Trajectory
 from posture.drawing.style import (
     ANKLE_COLOUR,
@@ -37,6 +37,7 @@ from posture.drawing.style import (
 )
 
 Paper = Mapping[str, Any] | None
+Value = Callable[[Result], float]
 
 SHOWN_CYCLES = 3  # of the end of the trial, in figures over time
 COLUMNS = 5  # of panels, a world each
@@ -44,7 +45,7 @@ COLUMNS = 5  # of panels, a world each
 
 def draw_all(
     trajectory: Trajectory,
-    rows: Sequence[Row],
+    rows: Sequence[Result],
     paper: Paper,
     folder: str | Path,
     foot_span: tuple[float, float],
@@ -71,7 +72,7 @@ def draw_all(
     return drawn
 
 
-def fig_head_target(trajectory: Trajectory, rows: Sequence[Row], paper: Paper, path: Path) -> None:
+def fig_head_target(trajectory: Trajectory, rows: Sequence[Result], paper: Paper, path: Path) -> None:
     """Head and target position [m] over the last cycles [s], a panel a world."""
     signals = {
         "target": (trajectory.target_x, {"color": ORANGE, "lw": 2.5}),
@@ -80,7 +81,7 @@ def fig_head_target(trajectory: Trajectory, rows: Sequence[Row], paper: Paper, p
     _panels_over_time(trajectory, rows, signals, "position x [m]", path)
 
 
-def fig_joint_angles(trajectory: Trajectory, rows: Sequence[Row], paper: Paper, path: Path) -> None:
+def fig_joint_angles(trajectory: Trajectory, rows: Sequence[Result], paper: Paper, path: Path) -> None:
     """Hip and ankle angle [deg], mean of left and right, over the last cycles [s], a panel a world."""
     signals = {
         "hip (flexion negative)": (np.degrees(trajectory.hip), {"color": HIP_COLOUR}),
@@ -89,44 +90,51 @@ def fig_joint_angles(trajectory: Trajectory, rows: Sequence[Row], paper: Paper, 
     _panels_over_time(trajectory, rows, signals, "angle [deg]", path)
 
 
-def fig_angle_plots(trajectory: Trajectory, rows: Sequence[Row], paper: Paper, path: Path) -> None:
+def fig_angle_plots(trajectory: Trajectory, rows: Sequence[Result], paper: Paper, path: Path) -> None:
     """Hip against ankle angle [deg] over the last cycles, a panel a world, coloured by mode."""
     hip, ankle = np.degrees(trajectory.hip), np.degrees(trajectory.ankle)
     windows = [_window(trajectory, row, w) for w, row in enumerate(rows)]
     with _saved(path, *_grid_size(len(rows))) as fig:
         panels = _grid(fig, len(rows))
         for w, (row, ax) in enumerate(zip(rows, panels, strict=True)):
-            colour = MODE_COLOUR[row["mode"]] if row["valid"] else FALL_COLOUR
+            colour = MODE_COLOUR[row.mode] if row.valid else FALL_COLOUR
             ax.plot(ankle[windows[w], w], hip[windows[w], w], color=colour, lw=1.0)
             _title(ax, rows, w)
         _share_limits(panels, rows, [ankle[s, w] for w, s in enumerate(windows)], "x")
         _share_limits(panels, rows, [hip[s, w] for w, s in enumerate(windows)], "y")
         fig.supxlabel("ankle angle [deg], forward lean negative", fontsize=9)
         fig.supylabel("hip angle [deg], flexion negative", fontsize=9)
-        present = {row["mode"] for row in rows if row["valid"]}
+        present = {row.mode for row in rows if row.valid}
         keys = [Patch(color=colour, label=name) for name, colour in MODE_COLOUR.items() if name in present]
         if keys:
             fig.legend(handles=keys, loc="outside upper center", ncols=len(keys))
 
 
-def fig_coordination(trajectory: Trajectory, rows: Sequence[Row], paper: Paper, path: Path) -> None:
+def fig_coordination(trajectory: Trajectory, rows: Sequence[Result], paper: Paper, path: Path) -> None:
     """Hip-ankle correlation and relative phase [deg] against frequency [Hz], over the published modes."""
     with _saved(path, 6.5, 5.5) as fig:
         upper, lower = fig.subplots(2, 1, sharex=True)
-        _line(upper, rows, "hip_ankle_r", color=GREY, lw=1, zorder=1)
+        _line(upper, rows, lambda row: row.hip_ankle_r, color=GREY, lw=1, zorder=1)
         for name, colour in MODE_COLOUR.items():
-            of_mode = [row for row in rows if row["valid"] and row["mode"] == name]
+            of_mode = [row for row in rows if row.valid and row.mode == name]
             if of_mode:
-                f, r = _columns(of_mode, "hip_ankle_r")
+                f, r = _values(of_mode, lambda row: row.hip_ankle_r)
                 # A world without a mode stands at zero as an open circle rather than vanish.
                 fill = "none" if name == "undefined" else colour
                 upper.plot(f, np.nan_to_num(r), "o", color=colour, mfc=fill, label=f"ours, {name}")
-        _theory(upper, rows, "least_hip_ankle_r", color="black", label="torque-optimal")
+        _theory(upper, rows, lambda row: row.least.hip_ankle_r, color="black", label="torque-optimal")
         upper.axhline(0, color="black", lw=0.8)
         upper.set(ylim=(-1.08, 1.08), ylabel="hip-ankle correlation r")
-        _line(lower, rows, "relative_phase_deg", marker="s", color="black", label="by maxima (paper's, doubled)")
-        f, mean = _columns(rows, "phase_mean_deg")
-        _, sd = _columns(rows, "phase_sd_deg")
+        _line(
+            lower,
+            rows,
+            lambda row: row.relative_phase_deg,
+            marker="s",
+            color="black",
+            label="by maxima (paper's, doubled)",
+        )
+        f, mean = _values(rows, lambda row: row.phase_mean_deg)
+        _, sd = _values(rows, lambda row: row.phase_sd_deg)
         lower.errorbar(f, np.abs(mean), sd, fmt="^", color=ORANGE, capsize=3, label="|circular mean| ± sd over cycles")
         lower.set(
             ylim=(-8, 195),
@@ -143,26 +151,30 @@ def fig_coordination(trajectory: Trajectory, rows: Sequence[Row], paper: Paper, 
         fig.legend(unique.values(), unique.keys(), loc="outside upper center", ncols=3)
 
 
-def fig_cop(trajectory: Trajectory, rows: Sequence[Row], paper: Paper, path: Path, foot_span: tuple[float, float]) -> None:
+def fig_cop(
+    trajectory: Trajectory, rows: Sequence[Result], paper: Paper, path: Path, foot_span: tuple[float, float]
+) -> None:
     """Centre of pressure [mm] in the foot frame against frequency [Hz], as boxes.
 
     Lines at the (heel, toe) end of ground contact, `foot_span` [m], which no centre of pressure can pass.
     """
-    drawn = [row for row in rows if row["valid"] and math.isfinite(row["freq_hz"]) and math.isfinite(row["cop_p50_m"])]
-    keys = {
-        "whislo": "cop_p05_m",
-        "q1": "cop_p25_m",
-        "med": "cop_p50_m",
-        "q3": "cop_p75_m",
-        "whishi": "cop_p95_m",
-    }
-    boxes = [{name: 1e3 * row[column] for name, column in keys.items()} for row in drawn]
+    drawn = [row for row in rows if row.valid and math.isfinite(row.freq_hz) and math.isfinite(row.cop_p50_m)]
+    boxes = [
+        {
+            "whislo": 1e3 * row.cop_p05_m,
+            "q1": 1e3 * row.cop_p25_m,
+            "med": 1e3 * row.cop_p50_m,
+            "q3": 1e3 * row.cop_p75_m,
+            "whishi": 1e3 * row.cop_p95_m,
+        }
+        for row in drawn
+    ]
     with _saved(path, 6.5, 3.8) as fig:
         ax = fig.subplots()
         if boxes:
             ax.bxp(
                 boxes,
-                positions=[row["freq_hz"] for row in drawn],
+                positions=[row.freq_hz for row in drawn],
                 widths=0.5 * _spacing(rows),
                 showfliers=False,
                 manage_ticks=False,
@@ -188,42 +200,47 @@ def fig_cop(trajectory: Trajectory, rows: Sequence[Row], paper: Paper, path: Pat
         _mark_falls([ax], rows)
 
 
-def fig_ranges(trajectory: Trajectory, rows: Sequence[Row], paper: Paper, path: Path) -> None:
+def fig_ranges(trajectory: Trajectory, rows: Sequence[Result], paper: Paper, path: Path) -> None:
     """Peak-to-peak joint angle [deg] and torque [Nm per joint] against frequency [Hz]."""
     with _saved(path, 6.5, 5.5) as fig:
         upper, lower = fig.subplots(2, 1, sharex=True)
-        for ax, column in ((upper, "{}_range_deg"), (lower, "{}_torque_range_nm")):
-            _line(ax, rows, column.format("hip"), marker="o", color=HIP_COLOUR, label="hip")
-            _line(ax, rows, column.format("ankle"), marker="s", ls="--", color=ANKLE_COLOUR, label="ankle")
-            for joint, colour in (("hip", HIP_COLOUR), ("ankle", ANKLE_COLOUR)):
-                _theory(ax, rows, f"least_{column.format(joint)}", color=colour, label=f"{joint}, torque-optimal")
-            ax.set_ylim(bottom=0)
+        hip, ankle = {"color": HIP_COLOUR}, {"color": ANKLE_COLOUR}
+        _line(upper, rows, lambda row: row.hip_range_deg, marker="o", label="hip", **hip)
+        _line(upper, rows, lambda row: row.ankle_range_deg, marker="s", ls="--", label="ankle", **ankle)
+        _theory(upper, rows, lambda row: row.least.hip_range_deg, label="hip, torque-optimal", **hip)
+        _theory(upper, rows, lambda row: row.least.ankle_range_deg, label="ankle, torque-optimal", **ankle)
+        _line(lower, rows, lambda row: row.hip_torque_range_nm, marker="o", **hip)
+        _line(lower, rows, lambda row: row.ankle_torque_range_nm, marker="s", ls="--", **ankle)
+        _theory(lower, rows, lambda row: row.least.hip_torque_range_nm, **hip)
+        _theory(lower, rows, lambda row: row.least.ankle_torque_range_nm, **ankle)
+        upper.set_ylim(bottom=0)
+        lower.set_ylim(bottom=0)
         _mark_falls((upper, lower), rows)
         upper.set_ylabel("angle, peak-to-peak [deg]")
         lower.set(ylabel="torque, peak-to-peak\n[Nm per joint]", xlabel="target frequency [Hz]")
         fig.legend(*upper.get_legend_handles_labels(), loc="outside upper center", ncols=2)
 
 
-def _theory(ax: Axes, rows: Sequence[Row], column: str, **style: Any) -> None:
-    """A column of the torque-optimal stander as a thin dotted line; nothing where the rows have none."""
-    if all(column in row for row in rows):
-        _line(ax, rows, column, ls=":", lw=1.5, **style)
+def _theory(ax: Axes, rows: Sequence[Result], get: Value, **style: Any) -> None:
+    """A value of the torque-optimal stander as a thin dotted line; nothing where the rows have none."""
+    if all(row.least is not NO_LEAST for row in rows):
+        _line(ax, rows, get, ls=":", lw=1.5, **style)
 
 
-def fig_tracking(trajectory: Trajectory, rows: Sequence[Row], paper: Paper, path: Path) -> None:
+def fig_tracking(trajectory: Trajectory, rows: Sequence[Result], paper: Paper, path: Path) -> None:
     """Target-head correlation, head amplitude [m] and mean speed [m/s] against frequency [Hz]; Table 3."""
-    panels = {
-        "target_head_r": "target-head\ncorrelation r",
-        "head_amplitude_m": "head amplitude [m]\n(half peak-to-peak)",
-        "head_speed_mps": "mean head\nspeed [m/s]",
-    }
+    panels: list[tuple[str, Value, str]] = [
+        ("target_head_r", lambda row: row.target_head_r, "target-head\ncorrelation r"),
+        ("head_amplitude_m", lambda row: row.head_amplitude_m, "head amplitude [m]\n(half peak-to-peak)"),
+        ("head_speed_mps", lambda row: row.head_speed_mps, "mean head\nspeed [m/s]"),
+    ]
     table = (paper or {}).get("table_3", {})
     with _saved(path, 6.5, 6.5) as fig:
         axes = fig.subplots(3, 1, sharex=True)
-        for ax, (column, label) in zip(axes, panels.items(), strict=True):
+        for ax, (column, get, label) in zip(axes, panels, strict=True):
             if column in table and "freq_hz" in table:
                 ax.plot(table["freq_hz"], table[column], "s", mfc="none", color=RED, label="paper Table 3")
-            _line(ax, rows, column, marker="o", ms=4, color="black", label="ours")
+            _line(ax, rows, get, marker="o", ms=4, color="black", label="ours")
             ax.set_ylabel(label)
         _mark_falls(axes, rows)
         axes[-1].set_xlabel("target frequency [Hz]")
@@ -256,7 +273,7 @@ def _grid(fig: Figure, count: int) -> list[Axes]:
 
 def _panels_over_time(
     trajectory: Trajectory,
-    rows: Sequence[Row],
+    rows: Sequence[Result],
     signals: Mapping[str, tuple[Array, Mapping[str, Any]]],
     ylabel: str,
     path: Path,
@@ -277,52 +294,56 @@ def _panels_over_time(
         fig.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(signals))
 
 
-def _window(trajectory: Trajectory, row: Row, w: int) -> slice:
+def _window(trajectory: Trajectory, row: Result, w: int) -> slice:
     """Steps of the last SHOWN_CYCLES before the trial's end or the fall; all of them for a ramp."""
     fall = int(trajectory.fall_step[w])
     end = fall + 1 if fall >= 0 else len(trajectory.time)
-    steps = SHOWN_CYCLES / (row["freq_hz"] * trajectory.control_dt)
+    steps = SHOWN_CYCLES / (row.freq_hz * trajectory.control_dt)
     return slice(max(end - round(steps), 0) if math.isfinite(steps) else 0, end)
 
 
-def _world_label(rows: Sequence[Row], w: int) -> str:
+def _world_label(rows: Sequence[Result], w: int) -> str:
     """Frequency of the world, and its stiffness and load where they differ between worlds."""
     row = rows[w]
-    label = f"{row['freq_hz']:g} Hz" if math.isfinite(row["freq_hz"]) else "ramp"
-    for column, text in {"hip_k_nm_per_rad": "hip {:g} Nm/rad", "ankle_k_nm_per_rad": "ankle {:g} Nm/rad",
-                         "load_kg": "load {:g} kg"}.items():  # fmt: skip
-        if len({r[column] for r in rows}) > 1:
-            label += ", " + text.format(row[column])
+    label = f"{row.freq_hz:g} Hz" if math.isfinite(row.freq_hz) else "ramp"
+    conditions: list[tuple[Value, str]] = [
+        (lambda row: row.hip_k_nm_per_rad, "hip {:g} Nm/rad"),
+        (lambda row: row.ankle_k_nm_per_rad, "ankle {:g} Nm/rad"),
+        (lambda row: row.load_kg, "load {:g} kg"),
+    ]
+    for get, text in conditions:
+        if len({get(row) for row in rows}) > 1:
+            label += ", " + text.format(get(row))
     return label
 
 
-def _fate(row: Row) -> str:
+def _fate(row: Result) -> str:
     """Why a world has no indices."""
-    return f"fell at {row['fall_time_s']:.1f} s" if row["fell"] else "not finite"
+    return f"fell at {row.fall_time_s:.1f} s" if row.fell else "not finite"
 
 
-def _title(ax: Axes, rows: Sequence[Row], w: int) -> None:
+def _title(ax: Axes, rows: Sequence[Result], w: int) -> None:
     """Head a world's panel with its conditions and, where it is not valid, its fate."""
-    if rows[w]["valid"]:
+    if rows[w].valid:
         ax.set_title(_world_label(rows, w))
     else:
         ax.set_title(f"{_world_label(rows, w)}\n{_fate(rows[w])}", color=FALL_COLOUR)
 
 
-def _mark_falls(axes: Sequence[Axes], rows: Sequence[Row]) -> None:
+def _mark_falls(axes: Sequence[Axes], rows: Sequence[Result]) -> None:
     """Mark each world that is not valid: a line at its frequency through all panels, its fate above."""
     for row in rows:
-        if row["valid"] or not math.isfinite(row["freq_hz"]):
+        if row.valid or not math.isfinite(row.freq_hz):
             continue
         for ax in axes:
-            ax.axvline(row["freq_hz"], color=FALL_COLOUR, ls=":", zorder=0)
+            ax.axvline(row.freq_hz, color=FALL_COLOUR, ls=":", zorder=0)
         top = {"rotation": 90, "ha": "center", "va": "bottom", "transform": axes[0].get_xaxis_transform()}
-        axes[0].text(row["freq_hz"], 1.02, _fate(row), color=FALL_COLOUR, fontsize=8, **top)
+        axes[0].text(row.freq_hz, 1.02, _fate(row), color=FALL_COLOUR, fontsize=8, **top)
 
 
-def _share_limits(panels: Sequence[Axes], rows: Sequence[Row], values: Sequence[Array], axis: str) -> None:
+def _share_limits(panels: Sequence[Axes], rows: Sequence[Result], values: Sequence[Array], axis: str) -> None:
     """Give all panels the limits of the valid worlds, so that a fall does not flatten the rest."""
-    held = [v for v, row in zip(values, rows, strict=True) if row["valid"]] or list(values)
+    held = [v for v, row in zip(values, rows, strict=True) if row.valid] or list(values)
     finite = np.concatenate([np.ravel(v) for v in held])
     finite = finite[np.isfinite(finite)]
     if not len(finite):
@@ -333,24 +354,24 @@ def _share_limits(panels: Sequence[Axes], rows: Sequence[Row], values: Sequence[
         ax.set(**{f"{axis}lim": (low - margin, high + margin)})
 
 
-def _columns(rows: Sequence[Row], column: str) -> tuple[Array, Array]:
-    """Frequency [Hz] and one column of the rows, along rising frequency; nan where undefined."""
-    pairs = sorted(((row["freq_hz"], row[column]) for row in rows), key=lambda pair: pair[0])
+def _values(rows: Sequence[Result], get: Value) -> tuple[Array, Array]:
+    """Frequency [Hz] and one value of the rows, along rising frequency; nan where undefined."""
+    pairs = sorted(((row.freq_hz, get(row)) for row in rows), key=lambda pair: pair[0])
     table = np.array(pairs, dtype=np.float64).reshape(-1, 2)
     return table[:, 0], table[:, 1]
 
 
-def _line(ax: Axes, rows: Sequence[Row], column: str, **style: Any) -> None:
-    """A column against frequency; joined up only where no frequency comes twice."""
-    f, values = _columns(rows, column)
+def _line(ax: Axes, rows: Sequence[Result], get: Value, **style: Any) -> None:
+    """A value against frequency; the points are joined only where no frequency comes twice."""
+    f, values = _values(rows, get)
     if len(set(f)) < len(f):
         style = {"marker": "o", **style, "ls": "none"}
     ax.plot(f, values, **style)
 
 
-def _spacing(rows: Sequence[Row]) -> float:
+def _spacing(rows: Sequence[Result]) -> float:
     """Smallest distance between two frequencies [Hz]; a tenth of the frequency where there is only one."""
-    f = np.unique([row["freq_hz"] for row in rows if math.isfinite(row["freq_hz"])])
+    f = np.unique([row.freq_hz for row in rows if math.isfinite(row.freq_hz)])
     return float(np.diff(f).min()) if len(f) > 1 else float(f[0]) / 10
 
 

@@ -5,6 +5,7 @@ Signs: hip flexion is negative and the ankle is negative when the body leans for
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 
+from posture.analysis.results import RampTransitions
 from posture.analysis.trajectory import Array, Trajectory
 
 
@@ -102,18 +104,21 @@ def ramp_transition(freq_t: ArrayLike, r: ArrayLike) -> RampTransition:
 
 def transitions(
     trajectory: Trajectory, start: float, rate: float, duration: float, window_steps: int, still_rad: float
-) -> list[dict[str, float]]:
-    """Of each world of a ramp its transition frequency [Hz] by centred and by trailing windows, nan where there is none, and
-    the sign changes in each. See `ramp_frequency`, `window_correlation` and `ramp_transition`."""
+) -> list[RampTransitions]:
+    """The transition in each world of a ramp. See `ramp_frequency`, `window_correlation` and `ramp_transition`."""
     freq = ramp_frequency(trajectory.time, start, rate, duration)
-    rows = []
-    for world in range(len(trajectory.freq)):
-        row: dict[str, float] = {}
-        for name, centred in (("centred", True), ("trailing", False)):
-            hip, ankle = trajectory.hip[:, world], trajectory.ankle[:, world]
-            r = window_correlation(hip, ankle, window_steps, centred=centred, still_rad=still_rad)
-            found = ramp_transition(freq, r)
-            row[f"transition_{name}_hz"] = np.nan if found.freq_hz is None else found.freq_hz
-            row[f"crossings_{name}"] = found.crossings
-        rows.append(row)
-    return rows
+    found = []
+    for hip, ankle in zip(trajectory.hip.T, trajectory.ankle.T, strict=True):
+        centred, trailing = (
+            ramp_transition(freq, window_correlation(hip, ankle, window_steps, centred=centred, still_rad=still_rad))
+            for centred in (True, False)
+        )
+        found.append(
+            RampTransitions(
+                transition_centred_hz=math.nan if centred.freq_hz is None else centred.freq_hz,
+                crossings_centred=centred.crossings,
+                transition_trailing_hz=math.nan if trailing.freq_hz is None else trailing.freq_hz,
+                crossings_trailing=trailing.crossings,
+            )
+        )
+    return found

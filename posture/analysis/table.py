@@ -1,106 +1,116 @@
-"""The table of one evaluation, a line a world: for the terminal and for Markdown.
+"""Tables of results, one line for each row: for the terminal and for Markdown. The table of an evaluation.
 
-`paper` is the content of conf/paper.yaml. Where a world's frequency is one of paper Table 3, the published
-values stand beside ours; pass None where the other conditions are not that table's. Where the rows have the columns
-of the torque-optimal stander, cost over least cost and the optimum's correlation follow, with the shares of time in which
-the head is beyond the tolerance and a foot is not flat, since only where both are zero is the optimum a bound.
+`paper` is the content of conf/paper.yaml. Where a world's frequency is one of paper Table 3, the published values stand
+beside ours; pass None where the other conditions are not those of that table.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
 
-from posture.analysis.coordination import Row
+from tabulate import tabulate
+
+from posture.analysis.results import NO_LEAST, Result
 
 Paper = Mapping[str, Any] | None
-
-# Row column: (heading with unit, format). Those that paper Table 3 has too come first.
-_CONDITIONS = {
-    "freq_hz": ("f [Hz]", "g"),
-    "hip_k_nm_per_rad": ("hip k [Nm/rad]", "g"),
-    "ankle_k_nm_per_rad": ("ankle k [Nm/rad]", "g"),
-    "load_kg": ("load [kg]", "g"),
-}
-_PUBLISHED = {
-    "mode": ("mode", ""),
-    "target_head_r": ("target-head r", ".4f"),
-    "head_amplitude_m": ("amplitude [m]", ".4f"),
-    "head_speed_mps": ("speed [m/s]", ".4f"),
-}
-_OURS = {
-    "hip_ankle_r": ("hip-ankle r", ".3f"),
-    "relative_phase_deg": ("phase [deg]", ".0f"),
-    "energy_j": ("energy [J]", ".0f"),
-    "cost": ("cost", ".4f"),
-}
-_THEORY = {
-    "cost_ratio": ("cost/least", ".2f"),
-    "least_hip_ankle_r": ("least's r", ".3f"),
-    "beyond_tolerance_share": ("beyond tolerance", ".3f"),
-    "foot_not_flat_share": ("not flat", ".3f"),
-}
-_NOTHING = "-"
+T = TypeVar("T")
 
 
-def evaluation_table(rows: Sequence[Row], paper: Paper) -> str:
-    """Fixed-width table for the terminal: headings over units, a rule, a line a world; right-aligned."""
-    headings, *worlds = _cells(rows, paper)
-    split = [(*heading.rsplit(" ", 1), "")[:2] for heading in headings]
-    lines = [*map(list, zip(*split, strict=True)), *worlds]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    text = ["  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)) for line in lines]
-    return "\n".join([text[0], text[1].rstrip(), "-" * len(text[0]), *text[2:]])
+@dataclass(frozen=True)
+class Column(Generic[T]):
+    """How one value of a row is shown: heading with its unit, factor into that unit, format; a dash for nan."""
+
+    heading: str
+    get: Callable[[T], float | str]
+    format: str = ""
+    factor: float = 1.0
+
+    def cell(self, row: T) -> str:
+        value = self.get(row)
+        if isinstance(value, str):
+            return value
+        return "-" if math.isnan(value) else format(value * self.factor, self.format)
 
 
-def markdown_table(rows: Sequence[Row], paper: Paper) -> str:
-    """The same table in Markdown, columns right-aligned."""
-    lines = ["| " + " | ".join(line) + " |" for line in _cells(rows, paper)]
-    return "\n".join([lines[0], "|" + " ---: |" * (lines[0].count("|") - 1), *lines[1:]])
+def text_table(rows: Iterable[T], columns: Sequence[Column[T]]) -> str:
+    """Fixed-width table for the terminal: headings over their units, a rule, a line for each row; right-aligned."""
+    return _layout(rows, columns, "simple")
 
 
-def _cells(rows: Sequence[Row], paper: Paper) -> list[list[str]]:
-    """Headings, then the cells of each world. Stiffness and load show only where worlds differ in them."""
-    conditions = {
-        name: column for name, column in _CONDITIONS.items() if name == "freq_hz" or len({row[name] for row in rows}) > 1
-    }
-    published = [_published(row["freq_hz"], paper) for row in rows]
-    beside = any(published)
-    ours = {**_OURS, **(_THEORY if any("cost_ratio" in row for row in rows) else {})}
-    heading = [title for title, _ in conditions.values()]
-    for title, _ in _PUBLISHED.values():
-        heading += [title, "paper"] if beside else [title]
-    lines = [heading + [title for title, _ in ours.values()]]
-    for row, theirs in zip(rows, published, strict=True):
-        line = ["ramp" if math.isnan(row["freq_hz"]) else _cell(row, "freq_hz", "g")]
-        line += [_cell(row, name, spec) for name, (_, spec) in conditions.items() if name != "freq_hz"]
-        for name, (_, spec) in _PUBLISHED.items():
-            line.append(_fate(row) if name == "mode" else _cell(row, name, spec))
-            if beside:
-                line.append(_cell(theirs, name, spec))
-        lines.append(line + [_cell(row, name, spec) for name, (_, spec) in ours.items()])
-    return lines
+def markdown_table(rows: Iterable[T], columns: Sequence[Column[T]]) -> str:
+    """The same table in Markdown."""
+    return _layout(rows, columns, "pipe")
 
 
-def _published(freq: float, paper: Paper) -> Row:
-    """The values of paper Table 3 at `freq` [Hz] under our column names; empty at other frequencies."""
+def _layout(rows: Iterable[T], columns: Sequence[Column[T]], layout: str) -> str:
+    separator = "\n" if layout == "simple" else " "
+    headings = [separator.join(column.heading.rsplit(" ", 1)) for column in columns]
+    cells = [[column.cell(row) for column in columns] for row in rows]
+    return tabulate(cells, headings, layout, stralign="right", disable_numparse=True)
+
+
+def evaluation_columns(rows: Sequence[Result], paper: Paper) -> list[Column[Result]]:
+    """The columns of an evaluation's table.
+
+    Stiffness and load are shown where the rows differ in them, and values of the paper where it has one of the frequencies.
+    Where the rows have the motion of least cost, its ratio and correlation are shown with the shares of time beyond the
+    tolerance and with a foot not flat, since the least cost is a bound only where both are zero.
+    """
+    published = any(table_3_at(row.freq_hz, paper) for row in rows)
+    columns: list[Column[Result]] = [Column("f [Hz]", lambda row: "ramp" if math.isnan(row.freq_hz) else row.freq_hz, "g")]
+    columns += [column for column in _CONDITIONS if len({column.get(row) for row in rows}) > 1]
+    for name, column in _PUBLISHED.items():
+        columns.append(column)
+        if published:
+            columns.append(Column("paper", _paper_value(paper, name), column.format))
+    return columns + _MEASURED + (_THEORY if any(row.least is not NO_LEAST for row in rows) else [])
+
+
+def table_3_at(freq: float, paper: Paper) -> dict[str, Any]:
+    """The values of paper Table 3 at `freq` [Hz] by the names of conf/paper.yaml; empty at other frequencies."""
     table = (paper or {}).get("table_3", {})
-    for i, f in enumerate(table.get("freq_hz", ())):
-        if math.isclose(f, freq, rel_tol=1e-6):
+    for i, published in enumerate(table.get("freq_hz", ())):
+        if math.isclose(published, freq, rel_tol=1e-6):
             row = {name: table[name][i] for name in _PUBLISHED if name in table}
-            return {**row, "mode": f"{row['mode']}-phase"} if "mode" in row else row
+            return row | ({"mode": f"{row['mode']}-phase"} if "mode" in row else {})
     return {}
 
 
-def _fate(row: Row) -> str:
-    """The mode; of a world without one, why."""
-    if row["fell"]:
-        return f"fell {row['fall_time_s']:.1f} s"
-    return str(row["mode"]) if row["valid"] else "not finite"
+def outcome(row: Result) -> str:
+    """The mode of a world; where it is not valid, why."""
+    if row.fell:
+        return f"fell {row.fall_time_s:.1f} s"
+    return row.mode if row.valid else "not finite"
 
 
-def _cell(row: Row, name: str, spec: str) -> str:
-    """One formatted value; a dash where there is none."""
-    value = row.get(name, math.nan)
-    return _NOTHING if isinstance(value, float) and math.isnan(value) else format(value, spec)
+def _paper_value(paper: Paper, name: str) -> Callable[[Result], float | str]:
+    return lambda row: table_3_at(row.freq_hz, paper).get(name, math.nan)
+
+
+_CONDITIONS: list[Column[Result]] = [
+    Column("hip k [Nm/rad]", lambda row: row.hip_k_nm_per_rad, "g"),
+    Column("ankle k [Nm/rad]", lambda row: row.ankle_k_nm_per_rad, "g"),
+    Column("load [kg]", lambda row: row.load_kg, "g"),
+]
+# By the names of the columns of table_3 in conf/paper.yaml.
+_PUBLISHED: dict[str, Column[Result]] = {
+    "mode": Column("mode", outcome),
+    "target_head_r": Column("target-head r", lambda row: row.target_head_r, ".4f"),
+    "head_amplitude_m": Column("amplitude [m]", lambda row: row.head_amplitude_m, ".4f"),
+    "head_speed_mps": Column("speed [m/s]", lambda row: row.head_speed_mps, ".4f"),
+}
+_MEASURED: list[Column[Result]] = [
+    Column("hip-ankle r", lambda row: row.hip_ankle_r, ".3f"),
+    Column("phase [deg]", lambda row: row.relative_phase_deg, ".0f"),
+    Column("energy [J]", lambda row: row.energy_j, ".0f"),
+    Column("cost", lambda row: row.cost, ".4f"),
+]
+_THEORY: list[Column[Result]] = [
+    Column("cost/least", lambda row: row.cost_ratio, ".2f"),
+    Column("least's r", lambda row: row.least.hip_ankle_r, ".3f"),
+    Column("beyond tolerance", lambda row: row.beyond_tolerance_share, ".3f"),
+    Column("not flat", lambda row: row.foot_not_flat_share, ".3f"),
+]

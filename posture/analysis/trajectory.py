@@ -9,12 +9,13 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from envs.body.joints import ANKLES, HIPS, JOINTS
 from posture.storage.atomic import replacing
 
 Array = NDArray[np.float64]
 
-JOINTS = ("hip_left", "hip_right", "ankle_left", "ankle_right")
-HIP, ANKLE = slice(0, 2), slice(2, 4)
+_EARLIER_JOINTS = ("hip_left", "hip_right", "ankle_left", "ankle_right")
+"""Order of the joints in files that do not name them, which earlier versions wrote."""
 
 # Axes of every array field: T control steps, W worlds, J joints.
 _AXES = {
@@ -65,18 +66,18 @@ class Trajectory:
     @property
     def hip(self) -> Array:
         """Hip angle [rad], mean of left and right, flexion negative. Shape (T, W)."""
-        return np.asarray(self.joint_angle[..., HIP].mean(axis=-1))
+        return np.asarray(self.joint_angle[..., HIPS].mean(axis=-1))
 
     @property
     def ankle(self) -> Array:
         """Ankle angle [rad], mean of left and right, negative when leaning forward. Shape (T, W)."""
-        return np.asarray(self.joint_angle[..., ANKLE].mean(axis=-1))
+        return np.asarray(self.joint_angle[..., ANKLES].mean(axis=-1))
 
     def save(self, path: str | Path) -> None:
-        """Write every field to a compressed .npz at exactly `path`, atomically."""
+        """Write every field and the names of the joints to a compressed .npz at exactly `path`, atomically."""
         arrays: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(self)}
         with replacing(Path(path)) as temporary, temporary.open("wb") as file:
-            np.savez_compressed(file, **arrays)
+            np.savez_compressed(file, joints=np.array(JOINTS), **arrays)
 
     @classmethod
     def read(cls, path: str | Path) -> Self:
@@ -86,6 +87,11 @@ class Trajectory:
             if missing:
                 raise ValueError(f"{path} is not a trajectory: it lacks {', '.join(missing)}")
             arrays = {name: stored[name] for name in _AXES}
+            names = stored["joints"].tolist() if "joints" in stored else list(_EARLIER_JOINTS)
+            if sorted(names) != sorted(JOINTS):
+                raise ValueError(f"{path} has the joints {names}; allowed are {list(JOINTS)}")
+            for name in (name for name, axes in _AXES.items() if axes == "TWJ"):
+                arrays[name] = arrays[name][..., [names.index(joint) for joint in JOINTS]]
             return cls(
                 **arrays,
                 torque_limit=float(stored["torque_limit"]),

@@ -34,7 +34,8 @@ from posture.config.train import TrainConfig
 from posture.storage import run_dir
 from posture.storage.code_version import envs_version
 
-CONF = Path(__file__).resolve().parents[2] / "conf"
+_POSTURE = Path(__file__).resolve().parents[1]
+CONF = next(folder for folder in (_POSTURE / "conf", _POSTURE.parent / "conf") if folder.is_dir())
 
 DECIDES_THE_POLICY = {"env", "agent", "seed", "processes", "max_iterations"}
 """The keys of a training that its policy depends on."""

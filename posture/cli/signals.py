@@ -7,6 +7,8 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
+from posture import operating_system
+
 NUMBERS = (signal.SIGINT, signal.SIGTERM)
 _asked = 0
 _deferring = False
@@ -56,11 +58,8 @@ def asked() -> int:
 @contextlib.contextmanager
 def blocked() -> Iterator[None]:
     """Within it neither signal is delivered, but afterwards; processes started in it never get one."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, NUMBERS)
-    try:
+    with operating_system.block_signals(NUMBERS):
         yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _handle(number: int, frame: FrameType | None) -> None:

@@ -18,7 +18,6 @@ from envs.config import (
     check_followed,
 )
 from posture.config.device import check_engine
-from posture.config.environment import Environment
 from posture.config.fields import PathText, Tolerance
 from posture.config.published import Paper
 
@@ -51,7 +50,7 @@ class EnvChanges(Strict):
 class LqrConfig(Strict):
     """The model-based controller (posture/theory/lqr.py), and the environment that it acts in before `EnvChanges`."""
 
-    env: Environment
+    env: EnvConfig
     angle: Annotated[float, Field(ge=0.001, le=10)]
     velocity: Annotated[float, Field(ge=0.001, le=1000)]
     torque: Annotated[float, Field(ge=0.001, le=1000)]

@@ -5,10 +5,11 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from envs.config import Amplitude, AnkleStiffness, Freq, HipStiffness, Load, Seconds, Steps, Strict
-from posture.config.errors import one_line
+from posture.config.errors import ConfigError
+from posture.config.reading import read
 
 Mode = Literal["in", "anti"]
 Quantity = Annotated[float, Field(gt=0, le=1e9)]
@@ -133,9 +134,9 @@ class Published(Strict):
 
 def _checked(values: dict[str, Any]) -> dict[str, Any]:
     try:
-        return Published.model_validate(values).model_dump(mode="json")
-    except ValidationError as error:
-        raise ValueError(one_line(error)) from None
+        return read(Published, values).model_dump(mode="json")
+    except ConfigError as error:
+        raise ValueError(str(error)) from None
 
 
 Paper = Annotated[dict[str, Any], AfterValidator(_checked)]

@@ -4,8 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from envs.config import AnkleStiffness, Freq, HipStiffness, Load, Strict
-from posture.config.environment import Environment
+from envs.config import AnkleStiffness, EnvConfig, Freq, HipStiffness, Load, Strict
 from posture.config.eval import EvaluationConfig
 from posture.config.fields import PathText, Tolerance
 from posture.config.published import Paper
@@ -49,7 +48,7 @@ class Around(Strict):
 class TheoryConfig(Strict):
     """Everything that `posture.theory` is told."""
 
-    env: Environment
+    env: EnvConfig
     evaluation: EvaluationConfig
     tolerance: Tolerance | None
     out: PathText | None

@@ -4,10 +4,9 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from envs.config import Steps, Strict
+from envs.config import EnvConfig, Steps, Strict
 from posture.config.agent import AgentConfig
 from posture.config.device import check_engine
-from posture.config.environment import Environment
 from posture.config.eval import EvaluationConfig, check_trial
 from posture.config.fields import PathText
 from posture.config.published import Paper
@@ -16,7 +15,7 @@ from posture.config.published import Paper
 class TrainConfig(Strict):
     """Everything that `posture.train` is told, and what a run folder keeps as config.yaml."""
 
-    env: Environment
+    env: EnvConfig
     agent: AgentConfig
     evaluation: EvaluationConfig
     seed: Annotated[int, Field(ge=0, lt=2**31)]

@@ -25,10 +25,10 @@ from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, PathPatch
 from matplotlib.path import Path as Outline
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull
 
-from posture.analysis.trajectory import Array
+Array = NDArray[np.float64]
 
 BODY_COLOUR, TARGET_COLOUR, GROUND_COLOUR = "#4F7CAC", "#E69F00", "#555555"
 HIP_COLOUR, ANKLE_COLOUR = "#CC79A7", "#009E73"  # those of the joints in every figure

@@ -6,16 +6,13 @@ import numpy as np
 import torch
 from tensordict import TensorDict
 
-from envs.body.joints import JOINTS as MODEL_JOINTS
 from envs.task.head_tracking import HeadTrackingEnv
-from posture.analysis.trajectory import JOINTS, Trajectory
+from posture.analysis.trajectory import Trajectory
 
 Policy = Callable[[TensorDict], torch.Tensor]
 
 MIN_LOAD_N = 1.0
 """With less force under the feet than this there is no centre of pressure to speak of [N]."""
-
-_ORDER = [MODEL_JOINTS.index(name) for name in JOINTS]
 
 
 def rollout(env: HeadTrackingEnv, policy: Policy, freq: torch.Tensor | None, duration: float) -> Trajectory:
@@ -73,9 +70,9 @@ _SIGNALS: dict[str, Callable[[HeadTrackingEnv], torch.Tensor]] = {
     "target_x": lambda env: env.target_x,
     "head_x": lambda env: env.head_x,
     "head_vx": lambda env: env.head_vx,
-    "joint_angle": lambda env: env.sim.joint_angle[:, _ORDER],
-    "joint_velocity": lambda env: env.sim.joint_velocity[:, _ORDER],
-    "joint_torque": lambda env: env.config.torque_limit * env.action[:, _ORDER],
+    "joint_angle": lambda env: env.sim.joint_angle,
+    "joint_velocity": lambda env: env.sim.joint_velocity,
+    "joint_torque": lambda env: env.config.torque_limit * env.action,
     "cop_x": _cop_x,
     "torso_height": lambda env: env.hat_pose[:, 2],
     "foot_displacement": lambda env: env.foot_displacement.amax(-1),

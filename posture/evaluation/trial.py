@@ -2,6 +2,7 @@
 
 import hashlib
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,11 @@ import torch
 
 from envs.config import EnvConfig, Schedule, as_plain
 from envs.task.head_tracking import HeadTrackingEnv
-from posture.analysis.coordination import Row, indices, read_csv, write_csv
+from posture.analysis.coordination import measure_trajectory
 from posture.analysis.figures import draw_all
 from posture.analysis.ramp import transitions
-from posture.analysis.table import evaluation_table, markdown_table
+from posture.analysis.results import Origin, Result, read_csv, write_csv
+from posture.analysis.table import evaluation_columns, markdown_table, text_table
 from posture.config.device import check_engine
 from posture.config.errors import ConfigError
 from posture.config.eval import EnvChanges, EvaluationConfig, LqrConfig, check_trial
@@ -33,7 +35,7 @@ from posture.theory.stander import linearise, segments
 AS_TRAINED = EnvChanges(hip_k=None, ankle_k=None, load=None, amplitude=None, physics=None, ramp=None)
 
 
-def evaluate_run(run: Path, config: TrainConfig) -> list[Row]:
+def evaluate_run(run: Path, config: TrainConfig) -> list[Result]:
     """Evaluate the newest checkpoint of `run` as its own configuration says, unless that was done; print the table."""
     model = run_dir.newest_model(run)
     if model is None:
@@ -49,7 +51,7 @@ def evaluate(
     device: str,
     out: Path,
     again: bool = True,
-) -> list[Row]:
+) -> list[Result]:
     """Evaluate the deterministic policy of checkpoint `model` of a run; see `analyse`.
 
     Not `again`: where `out` has what the same policy, code and conditions gave, that is read.
@@ -59,7 +61,7 @@ def evaluate(
     trial = trial_config(run.env, evaluation, changes, device)
     if not again and is_current(out, model, run, evaluation, changes, device):
         rows = read_csv(out / "metrics.csv")
-        print(evaluation_table(rows, published(run.paper, trial)))
+        print(text_table(rows, evaluation_columns(rows, published(run.paper, trial))))
         print(f"evaluated before: {out}")
         return rows
     with preparing():
@@ -93,7 +95,7 @@ def _about(model: Path, run: TrainConfig) -> dict[str, Any]:
 
 def evaluate_lqr(
     config: LqrConfig, evaluation: EvaluationConfig, changes: EnvChanges, paper: dict[str, Any], device: str, out: Path
-) -> list[Row]:
+) -> list[Result]:
     """Evaluate the model-based controller; see `analyse`. Raises ConfigError where its motion cannot be planned."""
     trial = trial_config(config.env, evaluation, changes, device)
     stander = linearise(segments(trial), trial)
@@ -117,7 +119,7 @@ def analyse(
     paper: dict[str, Any],
     out: Path,
     about: dict[str, Any],
-) -> list[Row]:
+) -> list[Result]:
     """Roll out `policy` at every frequency of `evaluation`, in one batch, and write to the folder `out`: trajectories.npz,
     metrics.csv, table.md, the figures, and trial.yaml, which says what was evaluated: `about` and the conditions.
 
@@ -126,7 +128,7 @@ def analyse(
     # A ramp is the environment's own target.
     freq = torch.tensor(evaluation.freq, dtype=torch.float64) if env.config.ramp is None else None
     trajectory = rollout(env, policy, freq, evaluation.duration)
-    rows = indices(
+    rows = measure_trajectory(
         trajectory,
         transient_s=evaluation.transient,
         tolerance_m=evaluation.tolerance,
@@ -136,19 +138,20 @@ def analyse(
         ramp, steps = env.config.ramp, int(paper["experiment_4a"]["window_steps"])
         still = math.radians(evaluation.still_joint_deg)
         found = transitions(trajectory, ramp.start, ramp.rate, ramp.duration, steps, still)
-        rows = [row | more for row, more in zip(rows, found, strict=True)]
-    rows = beside_theory(rows, env.config, evaluation)
+        rows = [replace(row, ramp=at) for row, at in zip(rows, found, strict=True)]
+    rows = with_theory(rows, env.config, evaluation)
     shape = env.sim.geometry
     (out / "trial.yaml").unlink(missing_ok=True)  # what it says is about to be untrue
     trajectory.save(out / "trajectories.npz")
     write_csv(rows, out / "metrics.csv")
     comparable = published(paper, env.config)
+    columns = evaluation_columns(rows, comparable)
     with replacing(out / "table.md") as temporary:
-        temporary.write_text(markdown_table(rows, comparable) + "\n", encoding="utf-8")
+        temporary.write_text(markdown_table(rows, columns) + "\n", encoding="utf-8")
     figures = draw_all(trajectory, rows, comparable, out, (shape.heel_x, shape.toe_x)) if evaluation.figures else []
     # Last, since it says that all is there.
     yaml_files.write_yaml(out / "trial.yaml", about | _conditions(evaluation, env.config))
-    print(evaluation_table(rows, comparable))
+    print(text_table(rows, columns))
     for path in (*(out / name for name in ("metrics.csv", "table.md", "trajectories.npz", "trial.yaml")), *figures):
         print(path)
     return rows
@@ -158,34 +161,29 @@ def _conditions(evaluation: EvaluationConfig, env: EnvConfig) -> dict[str, Any]:
     return {"evaluation": evaluation.model_dump(mode="json"), "env": as_plain(env)}
 
 
-def beside_theory(rows: list[Row], env: EnvConfig, evaluation: EvaluationConfig) -> list[Row]:
-    """`rows` with the columns least_* of the torque-optimal stander under the same conditions, the end of the foot at which
-    its centre of pressure binds, and cost_ratio, the cost over the least cost.
+def with_theory(rows: list[Result], env: EnvConfig, evaluation: EvaluationConfig) -> list[Result]:
+    """`rows` with the motion of least cost under the same conditions, and the cost over the least cost.
 
-    The bound is that of the linear model with flat feet and the head within the tolerance: a ratio below one means something
-    only beside `beyond_tolerance_share` and `foot_not_flat_share`.
+    The least cost is that of the linear model with flat feet and the head within the tolerance: a ratio below one means
+    something only beside `beyond_tolerance_share` and `foot_not_flat_share`.
     """
     if env.ramp is not None or evaluation.tolerance >= env.amplitude:
-        return rows  # there is no periodic motion to compare with; or to stand still is good enough
+        return rows  # no periodic motion to compare with, or standing still is good enough
     body = segments(env)
-    joined = []
-    for row in rows:
-        theory = predict(body, env, row["freq_hz"], evaluation.tolerance, evaluation.duration)
-        least = {name: value for name, value in theory.items() if name.startswith("least_")}
-        ratio = row["cost"] / theory["least_cost"]
-        joined.append({**row, "cost_ratio": ratio, "cop_binds": theory["cop_binds"], **least})
-    return joined
+    least = [predict(body, env, row.freq_hz, evaluation.tolerance, evaluation.duration).least for row in rows]
+    return [replace(row, least=best, cost_ratio=row.cost / best.cost) for row, best in zip(rows, least, strict=True)]
 
 
-def condition(run: TrainConfig, changes: EnvChanges) -> Row:
-    """What distinguishes the rows of one run's evaluation from another's, beside their own columns."""
+def origin(run: TrainConfig, changes: EnvChanges, name: str) -> Origin:
+    """What distinguishes the results of the run `name` from those of other runs."""
     weight = run.env.energy_weight
-    return {
-        "seed": run.seed,
-        "energy_weight": weight.end if isinstance(weight, Schedule) else weight,
-        "physics": changes.physics or run.env.physics,
-        "amplitude_m": changes.amplitude or run.env.amplitude,
-    }
+    return Origin(
+        seed=run.seed,
+        energy_weight=weight.end if isinstance(weight, Schedule) else weight,
+        physics=changes.physics or run.env.physics,
+        amplitude_m=changes.amplitude or run.env.amplitude,
+        run=name,
+    )
 
 
 def published(paper: dict[str, Any], env: EnvConfig) -> dict[str, Any]:

@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from rsl_rl.models import MLPModel
 
+from envs.body.joints import FEET, JOINTS, KINDS
 from posture.config.errors import ConfigError, RunError
 from posture.config.train import TrainConfig
 from posture.storage.atomic import replacing
@@ -27,10 +28,6 @@ TOLERANCE = 1e-5
 CHECKED = 1000
 """Random observations that both are asked about."""
 
-_JOINTS = ("hip_left", "ankle_left", "hip_right", "ankle_right")
-_KINDS = ("hip", "ankle")
-_FEET = ("foot_left", "foot_right")
-
 COMPONENTS: dict[str, list[tuple[str, str]]] = {
     "torso_height": [("torso_z", "m")],
     "torso_velocity": [(f"torso_v{axis}", "m/s") for axis in "xyz"],
@@ -38,20 +35,20 @@ COMPONENTS: dict[str, list[tuple[str, str]]] = {
     "torso_pitch": [("torso_pitch", "rad")],
     "torso_motion": [("torso_vx", "m/s"), ("torso_vz", "m/s"), ("torso_wy", "rad/s")],
     "torso_orientation": [("torso_yaw", "rad"), ("torso_roll", "rad"), ("torso_upright", "1")],
-    "joint_angle": [(f"{joint}_angle", "rad") for joint in _JOINTS],
-    "joint_velocity": [(f"{joint}_velocity", "rad/s") for joint in _JOINTS],
-    "hip_ankle_angle": [(f"{kind}_angle_mean", "rad") for kind in _KINDS],
-    "hip_ankle_velocity": [(f"{kind}_velocity_mean", "rad/s") for kind in _KINDS],
-    "joint_force": [(f"{joint}_torque_with_spring_and_damper", "Nm") for joint in _JOINTS],
-    "foot_position": [(f"{foot}_{axis}", "m") for foot in _FEET for axis in "xyz"],
+    "joint_angle": [(f"{joint}_angle", "rad") for joint in JOINTS],
+    "joint_velocity": [(f"{joint}_velocity", "rad/s") for joint in JOINTS],
+    "hip_ankle_angle": [(f"{kind}_angle_mean", "rad") for kind in KINDS],
+    "hip_ankle_velocity": [(f"{kind}_velocity_mean", "rad/s") for kind in KINDS],
+    "joint_force": [(f"{joint}_torque_with_spring_and_damper", "Nm") for joint in JOINTS],
+    "foot_position": [(f"{foot}_{axis}", "m") for foot in FEET for axis in "xyz"],
     "feet_place": [("feet_x_mean", "m"), ("feet_z_mean", "m")],
     "foot_wrench": [
-        (f"{foot}_{kind}{axis}", unit) for foot in _FEET for kind, unit in (("f", "N"), ("m", "Nm")) for axis in "xyz"
+        (f"{foot}_{kind}{axis}", unit) for foot in FEET for kind, unit in (("f", "N"), ("m", "Nm")) for axis in "xyz"
     ],
     "sole_load": [("heels_fz", "N"), ("toes_fz", "N")],
     "head": [("head_x", "m"), ("head_vx", "m/s")],
-    "last_action": [(f"{joint}_last_action", "1") for joint in _JOINTS],
-    "last_command": [(f"{kind}_last_action", "1") for kind in _KINDS],
+    "last_action": [(f"{joint}_last_action", "1") for joint in JOINTS],
+    "last_command": [(f"{kind}_last_action", "1") for kind in KINDS],
     "target": [("target_x", "m")],
     "target_velocity": [("target_vx", "m/s")],
     "target_error": [("target_x_minus_head_x", "m")],
@@ -130,7 +127,7 @@ def metadata(run: TrainConfig, model: Path) -> dict[str, str]:
 
     return {
         "observation": listed(senses(run)),
-        "action": listed([(kind, "1") for kind in _KINDS]),
+        "action": listed([(kind, "1") for kind in KINDS]),
         "torque_limit_nm": repr(run.env.torque_limit),
         "control_dt_s": repr(run.env.control_dt),
         "policy": f"{model.parent.name}/{model.name}",

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from posture.analysis.trajectory import JOINTS, Array, Trajectory
+from envs.body.joints import JOINTS
+from posture.analysis.trajectory import Array, Trajectory
 from posture.storage.atomic import replacing
 
 _IN_DEGREES = {"rad": "deg", "rad_per_s": "deg_per_s"}

@@ -79,7 +79,7 @@ class Learner(OnPolicyRunner):
         rsl-rl asks after every iteration, so this is also where a training that a signal has asked to stop does.
         """
         self._done = done = self.current_learning_iteration + 1
-        stop = parallel.any_of(bool(signals.asked()), self.device)
+        stop = parallel.any_process(bool(signals.asked()), self.device)
         if stop or done % self._save_interval == 0 or done == self._last:
             self._save(done, Path(path).with_name(f"model_{done}.pt"), infos)
         if stop:

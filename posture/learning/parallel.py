@@ -1,7 +1,8 @@
 """One training shared among processes: each steps a part of the worlds, and their gradients are averaged.
 
-On a CPU the processes are started here and talk over `posture.learning.board`; with several GPUs `torchrun` starts one for
-each, and rsl-rl joins them by NCCL. Every process holds the same policy; the first alone writes, shows and evaluates.
+On a CPU the worker processes are started here and joined by `posture.learning.shared_memory`. With several GPUs `torchrun`
+starts one process for each, and rsl-rl joins them by NCCL. Every process holds the same policy; only the first writes
+files, reports progress and evaluates.
 """
 
 import contextlib
@@ -22,10 +23,11 @@ import torch.distributed as dist
 
 from posture.cli import signals
 from posture.config.errors import ConfigError, RunError
+from posture.learning.shared_memory import BACKEND
 
 
 def rank() -> int:
-    """Which of the processes this is; the first is 0."""
+    """Number of this process; the first is 0."""
     return dist.get_rank() if dist.is_initialized() else int(os.environ.get("RANK", "0"))
 
 
@@ -34,59 +36,63 @@ def size() -> int:
     return dist.get_world_size() if dist.is_initialized() else int(os.environ.get("WORLD_SIZE", "1"))
 
 
-def own_device(device: str) -> str:
-    """The device of this process: where there are several, `cuda` means the GPU of its place on this machine."""
+def local_device(device: str) -> str:
+    """The device of this process: with several processes, `cuda` means the GPU with its number on this machine."""
     return f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if size() > 1 and device == "cuda" else device
 
 
-def by_torchrun() -> bool:
+def started_by_torchrun() -> bool:
     """Whether `torchrun` started this process."""
     return "TORCHELASTIC_RUN_ID" in os.environ
 
 
 @contextlib.contextmanager
-def crew(processes: int, device: str, work: Callable[..., None], *arguments: Any) -> Iterator[None]:
-    """Within it `processes` - 1 others run `work(*arguments)` on the CPU, joined with this process into one group.
+def worker_processes(processes: int, device: str, work: Callable[..., None], *arguments: Any) -> Iterator[None]:
+    """Join `processes` - 1 workers, which run `work(*arguments)` on the CPU, with this process while the block runs.
 
-    Under torchrun, which has started them all, it only joins the group; one GPU is for one process. Raises RunError if a
-    process fails. The others get no signal of the terminal's: this process decides, and they end with it, however it ends.
+    Under torchrun, which has started all processes, only join their group. A training on one GPU has one process, and so
+    has every training on Windows. Raises RunError if a worker fails. The terminal's signals do not reach the workers: this
+    process decides what to do, and the workers end when it ends.
     """
-    if by_torchrun():
+    if started_by_torchrun():
         if device == "cpu":
-            dist.init_process_group("board")
+            dist.init_process_group(BACKEND)
         yield
         if dist.is_initialized():
             dist.destroy_process_group()
         return
+    if processes > 1 and device == "cpu" and sys.platform == "win32":
+        print(f"training in one process instead of {processes}: on Windows processes cannot share a training")
+        processes = 1
     if processes == 1 or device != "cpu":
         yield
         return
     with tempfile.TemporaryDirectory(prefix="posture-") as folder:
-        meeting = str(Path(folder) / "meeting")
+        rendezvous = str(Path(folder) / "rendezvous")
         spawn = multiprocessing.get_context("spawn")
-        others = [
-            spawn.Process(target=_other, args=(place, processes, meeting, work, arguments), daemon=True)
-            for place in range(1, processes)
+        workers = [
+            spawn.Process(target=_run_worker, args=(number, processes, rendezvous, work, arguments), daemon=True)
+            for number in range(1, processes)
         ]
         try:
-            resource_tracker.ensure_running()  # else it is started together with the first process, and unblocks signals
+            resource_tracker.ensure_running()  # started together with the first worker, it would unblock signals
             with signals.blocked():
-                for other in others:
-                    other.start()
-            _join(0, processes, meeting, others)
+                for worker in workers:
+                    worker.start()
+            _join_group(0, processes, rendezvous, workers)
             yield
             dist.destroy_process_group()
-            for other in others:
-                other.join(timeout=10.0)
+            for worker in workers:
+                worker.join(timeout=10.0)
         finally:
-            # Whatever happened here, what the others still do is of no use: this process alone saves.
+            # After an error here the workers have nothing left to do: only this process saves.
             if dist.is_initialized():
                 dist.destroy_process_group()
-            for other in others:
-                if other.is_alive():
-                    other.kill()
-                    other.join()
-        failed = [str(place) for place, other in enumerate(others, 1) if other.exitcode]
+            for worker in workers:
+                if worker.is_alive():
+                    worker.kill()
+                    worker.join()
+        failed = [str(number) for number, worker in enumerate(workers, 1) if worker.exitcode]
         if failed:
             raise RunError(f"process {', '.join(failed)} of {processes} failed")
 
@@ -97,50 +103,50 @@ def average(tensor: torch.Tensor) -> None:
     tensor /= size()
 
 
-def gather(thing: Any) -> list[Any]:
-    """The `thing` of every process in the order of their ranks, for the first process; an empty list for the others."""
+def gather(value: Any) -> list[Any]:
+    """The `value` of every process in the order of their ranks, for the first process; an empty list for the others."""
     if size() == 1:
-        return [thing]
-    things: list[Any] | None = [None] * size() if rank() == 0 else None
-    dist.gather_object(thing, things)
-    return things or []
+        return [value]
+    values: list[Any] | None = [None] * size() if rank() == 0 else None
+    dist.gather_object(value, values)
+    return values or []
 
 
-def any_of(here: bool, device: str) -> bool:
-    """Whether it is so on any process. `device`: where this process trains."""
+def any_process(condition: bool, device: str) -> bool:
+    """Whether `condition` holds on any process. `device`: where this process trains."""
     if size() == 1:
-        return here
-    count = torch.tensor(float(here), device=device)
+        return condition
+    count = torch.tensor(float(condition), device=device)
     dist.all_reduce(count)
     return bool(count)
 
 
-def _join(place: int, processes: int, meeting: str, others: Sequence[BaseProcess] = ()) -> None:
-    """Form the group; the first process waits for the `others` and watches over them meanwhile."""
-    store = dist.FileStore(meeting, processes)  # type: ignore[attr-defined]
-    store.set(f"here {place}", "yes")
-    # torch's own waiting would neither see that a process has died nor let a signal through.
-    for number, other in enumerate(others, 1):
-        while not store.check([f"here {number}"]):
-            if other.exitcode is not None:
-                raise RunError(f"process {number} of {processes} failed")
+def _join_group(number: int, processes: int, rendezvous: str, workers: Sequence[BaseProcess] = ()) -> None:
+    """Form the process group by a rendezvous file. The first process waits for its `workers` and sees if one fails."""
+    store = dist.FileStore(rendezvous, processes)  # type: ignore[attr-defined]
+    store.set(f"ready {number}", "yes")
+    # torch's own wait would neither notice a worker that has ended nor let a signal through.
+    for other, worker in enumerate(workers, 1):
+        while not store.check([f"ready {other}"]):
+            if worker.exitcode is not None:
+                raise RunError(f"process {other} of {processes} failed")
             time.sleep(0.02)
-    dist.init_process_group("board", store=store, rank=place, world_size=processes)
+    dist.init_process_group(BACKEND, store=store, rank=number, world_size=processes)
 
 
-def _other(place: int, processes: int, meeting: str, work: Callable[..., None], arguments: tuple[Any, ...]) -> None:
-    threading.Thread(target=_end_with_the_first, daemon=True).start()
-    _join(place, processes, meeting)
+def _run_worker(number: int, processes: int, rendezvous: str, work: Callable[..., None], arguments: tuple[Any, ...]) -> None:
+    threading.Thread(target=_exit_with_parent, daemon=True).start()
+    _join_group(number, processes, rendezvous)
     try:
-        with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
+        with open(os.devnull, "w") as devnull, contextlib.redirect_stdout(devnull):
             work(*arguments)
     except (signals.Stopped, FloatingPointError, ConfigError):
-        sys.exit(1)  # the first process has met the same, and tells of it
+        sys.exit(1)  # the first process has the same error, and reports it
     dist.destroy_process_group()
 
 
-def _end_with_the_first() -> None:
-    first = multiprocessing.parent_process()
-    assert first is not None
-    first.join()
+def _exit_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
     os._exit(1)

@@ -41,7 +41,7 @@ OBSERVATION_SIZES = {
 }
 """Number of values of each term of `envs.task.observations.TERMS`."""
 NUM_ACTIONS = 2
-"""Commands that the policy gives: `envs.task.head_tracking.ACTIONS`."""
+"""Commands that the policy gives: `envs.body.joints.KINDS`."""
 
 
 def network(run: TrainConfig, name: Literal["actor", "critic"]) -> MLPModel:

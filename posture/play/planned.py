@@ -49,7 +49,7 @@ class Planned:
         self._know(env, knobs)
         self._approach(env.config.control_dt)
         angle, velocity = env.sim.joint_angle[0], env.sim.joint_velocity[0]
-        now = np.array([float(x[list(kind)].mean()) for x in (angle, velocity) for kind in (HIPS, ANKLES)])
+        now = np.array([float(x[kind].mean()) for x in (angle, velocity) for kind in (HIPS, ANKLES)])
         crept = env.crept
         deviation = now - np.concatenate(self._reference(env.phase, knobs.freq)[:2])
         deviation[:2] += crept * self._lean_angle

@@ -39,7 +39,7 @@ class Pusher:
         jacobian, change = np.zeros((3, model.nv)), np.zeros((1, model.nv))
         mujoco.mj_jacBodyCom(model, data, jacobian, None, self._hat)
         mujoco.mj_solveM(model, data, change, impulse * jacobian[:1])
-        hip, ankle = (float(change[0, [self._dofs[i] for i in kind]].mean()) for kind in (HIPS, ANKLES))
+        hip, ankle = (float(change[0, self._dofs[kind]].mean()) for kind in (HIPS, ANKLES))
         pitch = float(change[0, 4])
         # The engine's coordinates: x and z of the HAT's frame, and the pitch of each segment in the world.
         planar = [float(change[0, 0]), float(change[0, 2]), pitch, pitch + hip, pitch + hip + ankle]

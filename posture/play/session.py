@@ -232,7 +232,7 @@ class Session:
 
     def _remember(self) -> None:
         joint, state = self._env.sim.joint_angle[0], self.state
-        hip, ankle = (float(joint[list(kind)].mean()) for kind in (HIPS, ANKLES))
+        hip, ankle = (float(joint[kind].mean()) for kind in (HIPS, ANKLES))
         cost = float((self._env.action**2).sum())
         self.history.append(self.time, self.knobs.freq, hip, ankle, state.target, state.head, state.cop, cost)
         if int(self.time / TRAIL_EVERY_S) != int((self.time - self.dt) / TRAIL_EVERY_S):

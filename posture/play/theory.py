@@ -19,6 +19,7 @@ from envs.body.segments import Segments
 from envs.config import EnvConfig
 from posture.analysis.coordination import torque_cost
 from posture.analysis.trajectory import Array
+from posture.operating_system import lower_priority
 from posture.theory.motion import joint_arrays
 from posture.theory.optimum import bound
 from posture.theory.program import InfeasibleError
@@ -98,7 +99,7 @@ class Asked:
 def _settle() -> None:
     """Of the process: leave Ctrl-C to its parent, give way to the motion, and end when the parent does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.nice(5)
+    lower_priority(5)
     parent = multiprocessing.parent_process()
     assert parent is not None
 

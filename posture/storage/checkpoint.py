@@ -12,8 +12,6 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from posture.config.errors import ConfigError
 from posture.storage.atomic import replacing
 
@@ -24,6 +22,8 @@ _ALLOWED = "allowed are whole files as posture.train saves them"
 
 def save(content: dict[str, Any], path: Path) -> None:
     """Write a checkpoint so that at any moment the old file or the new one is there, whole, with its digest."""
+    import torch
+
     file = io.BytesIO()
     torch.save(content, file)
     with replacing(path) as temporary:
@@ -42,6 +42,8 @@ def load(path: Path, device: str) -> dict[str, Any]:
         raise ConfigError(f"{path}: does not end in a digest, so it was cut short or saved by something else; {_ALLOWED}")
     if comment != _LABEL + hashlib.sha256(body).hexdigest().encode():
         raise ConfigError(f"{path}: is damaged, its digest is of other bytes; {_ALLOWED}")
+    import torch
+
     try:
         with warnings.catch_warnings(action="ignore"):  # a refusal is one line
             content = torch.load(io.BytesIO(whole), weights_only=True, map_location=device)

@@ -15,6 +15,7 @@ ENVS = POSTURE.parent / "envs"
 ANALYSIS = (
     "analysis/coordination",
     "analysis/ramp",
+    "analysis/results",
     "analysis/trajectory",
     "evaluation/rollout",
     "evaluation/trial",

@@ -50,11 +50,14 @@ def starts(run: Path) -> list[Any]:
 
 
 def _git_commit() -> str | None:
-    """Commit of the checkout this code runs from, with -dirty if it has changes; None outside a checkout."""
+    """Commit of the checkout this code runs from, with -dirty if it has changes; None where it is installed."""
+    root = Path(__file__).resolve().parents[2]
+    if not (root / ".git").exists():
+        return None  # not the commit of a repository that the environment happens to lie in
     try:
         told = subprocess.run(
             ["git", "describe", "--always", "--dirty", "--abbrev=40"],
-            cwd=Path(__file__).parent,
+            cwd=root,
             capture_output=True,
             text=True,
             timeout=10,

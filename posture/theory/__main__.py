@@ -7,7 +7,7 @@ python -m posture.theory -m env.hip_k=75,125 env.load=0,4
 
 from pathlib import Path
 
-from posture.analysis.coordination import write_csv
+from posture.analysis.results import write_rows
 from posture.cli import entry
 from posture.config.errors import ConfigError
 from posture.config.theory import TheoryConfig
@@ -17,21 +17,21 @@ from posture.storage import run_dir
 def theory(config: TheoryConfig, folder: Path) -> None:
     """Print and write the tables, and draw the map, of one stander."""
     out = run_dir.writable(folder / "theory" if config.out is None else Path(config.out))
-    # Only now, so that bad input is answered before physics takes seconds to import.
-    from posture.theory import tables
+    # Imported here because they are slow.
     from posture.theory.figures import draw_map
     from posture.theory.program import InfeasibleError
     from posture.theory.stander import segments
+    from posture.theory.tables import all_tables
 
     body = segments(config.env)
     try:
-        found = tables.all_tables(body, config)
+        found = all_tables(body, config)
     except InfeasibleError as error:
         raise ConfigError(str(error)) from None
-    for table in found:
+    for name, table in found.items():
         print(f"{table.title}\n{table.text()}\n")
-        write_csv(table.rows, out / f"{table.name}.csv")
-    draw_map(body, config, {table.name: table.rows for table in found}, out / "theory_map.png")
+        write_rows(table.csv_rows(), out / f"{name}.csv")
+    draw_map(body, config, found, out / "theory_map.png")
     for path in sorted(out.iterdir()):
         print(path)
 

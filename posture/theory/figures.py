@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import matplotlib
@@ -14,14 +14,14 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from envs.body.joints import ANKLE, HIP
 from envs.body.segments import Segments
-from posture.analysis.coordination import Row
 from posture.config.theory import TheoryConfig
 from posture.drawing.style import GREY, MODE_COLOUR, STYLE
 from posture.theory.motion import Motion
 from posture.theory.optimum import cheapest_sinusoid
-from posture.theory.stander import ANKLE, HIP, linearise
-from posture.theory.tables import varied
+from posture.theory.stander import linearise
+from posture.theory.tables import ModeMapRow, TheoryTables, Transitions, varied
 from posture.theory.transition import sinusoid_transition
 
 GRID = (71, 60)
@@ -31,8 +31,8 @@ _LEAST = {"marker": "o", "ms": 4, "color": "black", "lw": 1.2, "label": "least c
 _SINUSOID = {"ls": "--", "color": "black", "lw": 1.2, "label": "sinusoid, closed form"}
 
 
-def draw_map(body: Segments, config: TheoryConfig, tables: Mapping[str, Sequence[Row]], path: Path) -> None:
-    """Draw the map and write it to `path`; `tables` are the rows of `theory_tables.all_tables` by name.
+def draw_map(body: Segments, config: TheoryConfig, tables: TheoryTables, path: Path) -> None:
+    """Draw the map and write it to `path`; `tables` are those of `all_tables`.
 
     Left: how the least-torque sinusoid shares the motion between ankle and hip, over the plane of Fig. 13 continued to the
     highest frequency of Exp. 1, with the transition frequencies [Hz], at which the ankle stands still. Right: the transition
@@ -43,28 +43,24 @@ def draw_map(body: Segments, config: TheoryConfig, tables: Mapping[str, Sequence
         FigureCanvasAgg(fig)
         left, right = fig.subfigures(1, 2, width_ratios=(1.45, 1.0))
         plane = left.subplots()
-        _draw_plane(plane, body, config, tables["figure_13"])
+        _draw_plane(plane, body, config, tables.figure_13.rows)
         left.legend(*plane.get_legend_handles_labels(), loc="outside upper center", ncols=2)
         axes = right.subplots(3, 1, sharey=True)
-        for ax, (name, column, factor, label) in zip(
-            axes,
-            (
-                ("ankle_k", "ankle_k_nm_per_rad", 1.0, "ankle stiffness [Nm/rad per joint]"),
-                ("load", "load_kg", 1.0, "load [kg]"),
-                ("tolerance", "tolerance_m", 1e3, "head tolerance [mm]"),
-            ),
-            strict=True,
-        ):
-            rows = [row for row in tables["around"] if row["varied"] == name]
-            value = [factor * row[column] for row in rows]
-            ax.plot(value, [row["sinusoid_transition_hz"] for row in rows], **_SINUSOID)
-            ax.plot(value, [row["least_transition_hz"] for row in rows], **_LEAST)
+        panels: list[tuple[str, Callable[[Transitions], float], str]] = [
+            ("ankle_k", lambda row: row.ankle_k_nm_per_rad, "ankle stiffness [Nm/rad per joint]"),
+            ("load", lambda row: row.load_kg, "load [kg]"),
+            ("tolerance", lambda row: 1e3 * row.tolerance_m, "head tolerance [mm]"),
+        ]
+        for ax, (name, get, label) in zip(axes, panels, strict=True):
+            rows = [row.transitions for row in tables.around.rows if row.varied == name]
+            ax.plot([get(row) for row in rows], [row.sinusoid_transition_hz for row in rows], **_SINUSOID)
+            ax.plot([get(row) for row in rows], [row.least_transition_hz for row in rows], **_LEAST)
             ax.set(xlabel=label, ylabel="f* [Hz]")
         right.suptitle(f"hip {config.env.hip_k:g} Nm/rad, one parameter varied", fontsize=9)
         fig.savefig(path)
 
 
-def _draw_plane(ax: Axes, body: Segments, config: TheoryConfig, rows: Sequence[Row]) -> None:
+def _draw_plane(ax: Axes, body: Segments, config: TheoryConfig, rows: Sequence[ModeMapRow]) -> None:
     figure, env = config.figure_13, config.env
     stiffness = np.linspace(min(figure.hip_k), max(figure.hip_k), GRID[0])
     freq = np.linspace(figure.freq[0], max(figure.freq[1], *config.evaluation.freq), GRID[1])
@@ -77,9 +73,10 @@ def _draw_plane(ax: Axes, body: Segments, config: TheoryConfig, rows: Sequence[R
     laden = [linearise(body, varied(env, hip_k=float(k), load=heaviest)) for k in stiffness]
     style = {**_SINUSOID, "color": GREY, "label": f"sinusoid, load {heaviest:g} kg"}
     ax.plot(stiffness, [_or_nan(sinusoid_transition(stander, config.search)) for stander in laden], **style)
-    ax.plot([row["hip_k_nm_per_rad"] for row in rows], [row["least_transition_hz"] for row in rows], **_LEAST)
-    condition, found = config.paper["table_3"]["condition"], config.paper["experiment_4a"]["transition_hz"]
-    ax.plot(condition["hip_k"], found, "*", ms=11, color="gold", mec="black", ls="none", label="paper, Exp. 4a (load 0)")
+    found = [row.transitions for row in rows]
+    ax.plot([row.hip_k_nm_per_rad for row in found], [row.least_transition_hz for row in found], **_LEAST)
+    condition, published = config.paper["table_3"]["condition"], config.paper["experiment_4a"]["transition_hz"]
+    ax.plot(condition["hip_k"], published, "*", ms=11, color="gold", mec="black", ls="none", label="paper, Exp. 4a (load 0)")
     corner = (min(figure.hip_k), figure.freq[0])
     width, height = max(figure.hip_k) - min(figure.hip_k), figure.freq[1] - figure.freq[0]
     ax.add_patch(Rectangle(corner, width, height, fill=False, ls=":", label="plane of paper Fig. 13"))

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from posture.analysis.coordination import Row, correlation, energy, mode, torque_cost
+from envs.body.joints import ANKLE, HIP
+from posture.analysis.coordination import correlation, energy, mode, torque_cost
+from posture.analysis.results import MotionIndices
 from posture.analysis.trajectory import Array
-from posture.theory.stander import ANKLE, HIP, JOINTS_OF_A_KIND, Stander
+from posture.theory.stander import JOINTS_OF_A_KIND, Stander
 
 SAMPLES = 1000
 """Instants of a cycle at which indices are read; a joint range is then short by less than 0.01 %."""
@@ -69,46 +71,27 @@ class Motion:
         return np.asarray((waves @ amplitudes).real)
 
 
-@dataclass(frozen=True)
-class MotionIndices:
-    """Indices of one cycle under the names of `posture.analysis.coordination.Indices`; nan where undefined."""
-
-    hip_ankle_r: float  # Pearson; positive in-phase
-    phase_mean_deg: float  # hip - ankle at the target's frequency, -180 .. 180
-    target_head_r: float  # Pearson, with the target A (1 - cos 2 pi f t) of paper Eq. 5
-    head_amplitude_m: float  # half the peak-to-peak
-    head_speed_mps: float  # mean absolute velocity
-    energy_j: float  # paper Eq. 9 over a trial of `duration`
-    cost: float  # mean sum over the four joints of (tau / limit)^2, paper Eq. 10 normalised
-    hip_range_deg: float  # peak-to-peak, as the three below
-    ankle_range_deg: float
-    hip_torque_range_nm: float
-    ankle_torque_range_nm: float
-    hip_torque_max_nm: float  # largest absolute value, one joint
-    ankle_torque_max_nm: float
-    cop_min_m: float  # in the foot's frame, forward positive
-    cop_max_m: float
-
-
 def joint_arrays(motion: Motion, samples: int = SAMPLES) -> tuple[Array, Array]:
-    """Torque [Nm] and velocity [rad/s] of all four joints over one cycle, (samples, 4), order of `trajectory.JOINTS`."""
+    """Torque [Nm] and velocity [rad/s] of all four joints over one cycle, (samples, 4), order of `JOINTS`."""
     time = motion.cycle(samples)
     return (
-        np.repeat(motion.torque(time), JOINTS_OF_A_KIND, axis=1),
-        np.repeat(motion.velocity(time), JOINTS_OF_A_KIND, axis=1),
+        np.tile(motion.torque(time), JOINTS_OF_A_KIND),
+        np.tile(motion.velocity(time), JOINTS_OF_A_KIND),
     )
 
 
-def indices(motion: Motion, duration: float) -> MotionIndices:
+def motion_indices(motion: Motion, duration: float) -> MotionIndices:
     """Indices of a motion, its energy over `duration` [s]."""
     time = motion.cycle()
     angle, torque, cop, head = motion.angle(time), motion.torque(time), motion.cop(time), motion.head(time)
     hip, ankle = angle[:, HIP], angle[:, ANKLE]
     joint_torque, joint_velocity = joint_arrays(motion)
+    r = correlation(hip, ankle)
     fundamental = motion.coefficients[1] if len(motion.coefficients) > 1 else np.zeros(2)
     difference = fundamental[HIP] * np.conj(fundamental[ANKLE])
     return MotionIndices(
-        hip_ankle_r=correlation(hip, ankle),
+        mode=mode(r),
+        hip_ankle_r=r,
         phase_mean_deg=math.degrees(np.angle(difference)) if difference else math.nan,
         target_head_r=correlation(-np.cos(2 * math.pi * motion.freq * time), head),
         head_amplitude_m=float(np.ptp(head)) / 2,
@@ -124,9 +107,3 @@ def indices(motion: Motion, duration: float) -> MotionIndices:
         cop_min_m=float(cop.min()),
         cop_max_m=float(cop.max()),
     )
-
-
-def row(motion: Motion, duration: float) -> Row:
-    """The indices as a flat row, with `freq_hz` and `mode`."""
-    measured = indices(motion, duration)
-    return {"freq_hz": motion.freq, "mode": mode(measured.hip_ankle_r), **asdict(measured)}

@@ -1,61 +1,54 @@
-"""What the linear stander says of one condition, as a flat row beside which measured rows can stand."""
+"""What the linear stander does in one condition, as a row that can stand beside measured ones."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import asdict, fields
+from dataclasses import asdict, dataclass
 
 from envs.body.segments import Segments
 from envs.config import EnvConfig
-from posture.analysis.coordination import Row, mode
-from posture.theory.motion import MotionIndices, indices
+from posture.analysis.results import LeastCost, MotionIndices, columns_of
+from posture.theory.motion import motion_indices
 from posture.theory.optimum import bound, cheapest_sinusoid
 from posture.theory.program import InfeasibleError
 from posture.theory.reward_optimum import reward_terms
 from posture.theory.stander import Stander, linearise
 
 AT_THE_EDGE_M = 1e-4
-"""The centre of pressure binds where it comes this close to an end of the foot [m]."""
+"""The centre of pressure has reached an end of the foot where it is this close to it [m]."""
 
 
-def predict(body: Segments, config: EnvConfig, freq: float, tolerance: float, duration: float) -> Row:
-    """One row for the stander of `config` at `freq` [Hz], head within `tolerance` [m], energy over `duration` [s].
+@dataclass(frozen=True)
+class Prediction:
+    """The stander under one condition; the columns of the theory's tables."""
 
-    The condition under the names of `coordination.indices`; then `MotionIndices` twice, as sinusoid_* of the closed form
-    and least_* of the bound, with their modes; least_reward_energy and least_reward_torque, the bound's mean R_energy and
-    R_torque as configured; and cop_binds: none, heel, toe, or both. Where no motion keeps the limits, `feasible` is
-    false, least_* are nan, and cop_binds is a dash.
-    """
+    freq_hz: float
+    hip_k_nm_per_rad: float
+    ankle_k_nm_per_rad: float
+    load_kg: float
+    tolerance_m: float  # of the head around the target
+    feasible: bool  # whether a motion keeps the limits; where none does, least is nan
+    sinusoid: MotionIndices = columns_of("sinusoid_")  # closed form
+    least: LeastCost = columns_of("least_")
+    paper_mode: str = "-"  # of the paper's network; a dash where the paper has no such condition
+
+
+def predict(body: Segments, config: EnvConfig, freq: float, tolerance: float, duration: float) -> Prediction:
+    """The stander of `config` at `freq` [Hz], the head within `tolerance` [m], energy over `duration` [s]."""
     stander = linearise(body, config)
-    sinusoid = indices(cheapest_sinusoid(stander, freq, config.amplitude, tolerance), duration)
-    row: Row = {
-        "freq_hz": freq,
-        "hip_k_nm_per_rad": config.hip_k,
-        "ankle_k_nm_per_rad": config.ankle_k,
-        "load_kg": config.load,
-        "tolerance_m": tolerance,
-        "feasible": True,
-    }
-    least = MotionIndices(**{field.name: math.nan for field in fields(MotionIndices)})
-    energy = torque = math.nan
+    sinusoid = motion_indices(cheapest_sinusoid(stander, freq, config.amplitude, tolerance), duration)
     try:
         motion = bound(stander, freq, config.amplitude, tolerance)
     except InfeasibleError:
-        row["feasible"] = False
+        feasible, least = False, LeastCost()
     else:
-        least = indices(motion, duration)
+        found = motion_indices(motion, duration)
         energy, torque = reward_terms(motion, config)
-    for name, measured in (("sinusoid", sinusoid), ("least", least)):
-        row[f"{name}_mode"] = mode(measured.hip_ankle_r)
-        row |= {f"{name}_{column}": value for column, value in asdict(measured).items()}
-    return row | {
-        "least_reward_energy": energy,
-        "least_reward_torque": torque,
-        "cop_binds": cop_binds(stander, least.cop_min_m, least.cop_max_m) if row["feasible"] else "-",
-    }
+        binds = cop_binds(stander, found.cop_min_m, found.cop_max_m)
+        feasible, least = True, LeastCost(**asdict(found), reward_energy=energy, reward_torque=torque, cop_binds=binds)
+    return Prediction(freq, config.hip_k, config.ankle_k, config.load, tolerance, feasible, sinusoid, least)
 
 
 def cop_binds(stander: Stander, low: float, high: float) -> str:
-    """Which end of the foot a centre of pressure between `low` and `high` [m] comes up against: none, heel, toe or both."""
+    """Which end of the foot a centre of pressure between `low` and `high` [m] reaches: none, heel, toe or both."""
     heel, toe = low <= stander.heel_x + AT_THE_EDGE_M, high >= stander.toe_x - AT_THE_EDGE_M
     return "both" if heel and toe else "heel" if heel else "toe" if toe else "none"

@@ -47,8 +47,6 @@ from envs.body.segments import Segments
 from envs.config import EnvConfig
 from posture.analysis.trajectory import Array
 
-HIP, ANKLE = 0, 1
-"""Places in q and tau."""
 JOINTS_OF_A_KIND = 2
 
 PITCH = np.array([[0.0, -1.0], [-1.0, -1.0]])

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from posture.analysis.coordination import transition_frequency
+from posture.analysis.coordination import sign_change_frequency
 from posture.analysis.results import Result
 from posture.config.published import Published
 from posture.config.reproduce import ClaimRules
@@ -199,7 +199,7 @@ def switches(results: Sequence[Result]) -> dict[int, float]:
     found = {}
     for seed, signs in _signs(results).items():
         own = [result for result in results if result.origin.seed == seed and result.valid]
-        hz = transition_frequency([result.freq_hz for result in own], [result.hip_ankle_r for result in own])
+        hz = sign_change_frequency([result.freq_hz for result in own], [result.hip_ankle_r for result in own])
         found[seed] = hz if hz is not None and signs[0] and _changes(signs) == 1 else math.nan
     return found
 

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from envs.body.joints import ANKLES, HIPS
 from posture.analysis.coordination import (
     circular_mean_sd,
     cop_percentiles,
@@ -20,13 +21,13 @@ from posture.analysis.coordination import (
     cycle_phases,
     cycles,
     energy,
-    indices,
+    measure_trajectory,
     mode,
     relative_phase_paper,
+    sign_change_frequency,
     torque_cost,
-    transition_frequency,
-    write_csv,
 )
+from posture.analysis.results import Result, as_row, write_csv
 from posture.analysis.trajectory import Trajectory
 
 DT = 1 / 60
@@ -58,7 +59,7 @@ def trial(freq: float | list[float], phase: float | list[float] = 0.0, **changes
         "target_x": target,
         "head_x": target,
         "head_vx": np.zeros(shape),
-        "joint_angle": np.stack([hip, hip, ankle, ankle], axis=-1),
+        "joint_angle": np.stack([hip, ankle, hip, ankle], axis=-1),
         "joint_velocity": np.zeros((*shape, 4)),
         "joint_torque": np.zeros((*shape, 4)),
         "cop_x": np.zeros(shape),
@@ -72,8 +73,8 @@ def trial(freq: float | list[float], phase: float | list[float] = 0.0, **changes
     return Trajectory(**{**fields, **changes})
 
 
-def row(trajectory: Trajectory, **settings: float) -> dict[str, Any]:
-    return indices(trajectory, **{**SETTINGS, **settings})[0]
+def row(trajectory: Trajectory, **settings: float) -> Result:
+    return measure_trajectory(trajectory, **{**SETTINGS, **settings})[0]
 
 
 def difference(a: float, b: float) -> float:
@@ -263,37 +264,37 @@ def test_percentiles_leave_out_steps_without_load() -> None:
 
 def test_transition_is_interpolated() -> None:
     # From 0.6 at 0.6 Hz to -0.2 at 0.8 Hz: zero after 0.6 / 0.8 of the way, 0.75 Hz. Order does not matter.
-    assert transition_frequency([0.8, 0.4, 0.6], [-0.2, 0.9, 0.6]) == pytest.approx(0.75)
+    assert sign_change_frequency([0.8, 0.4, 0.6], [-0.2, 0.9, 0.6]) == pytest.approx(0.75)
 
 
 @given(st.floats(0.1, 1.4), st.floats(0.1, 5), st.sampled_from([-1, 1]))
 def test_transition_of_a_straight_line(zero: float, slope: float, sign: int) -> None:
     f = np.linspace(0.05, 1.5, 20)
-    assert transition_frequency(f, sign * slope * (zero - f)) == pytest.approx(zero)
+    assert sign_change_frequency(f, sign * slope * (zero - f)) == pytest.approx(zero)
 
 
 def test_the_first_of_several_transitions() -> None:
-    assert transition_frequency([1, 2, 3, 4], [1, -1, 1, -1]) == pytest.approx(1.5)
+    assert sign_change_frequency([1, 2, 3, 4], [1, -1, 1, -1]) == pytest.approx(1.5)
 
 
 def test_transition_at_an_exact_zero() -> None:
-    assert transition_frequency([1, 2, 4], [1, 0, -1]) == 2
-    assert transition_frequency([1, 2, 4], [1, 0, 1]) is None
+    assert sign_change_frequency([1, 2, 4], [1, 0, -1]) == 2
+    assert sign_change_frequency([1, 2, 4], [1, 0, 1]) is None
 
 
 def test_a_fall_widens_the_bracket() -> None:
     # The neighbours of nan are 1 Hz (+1) and 3 Hz (-1): zero at 2 Hz.
-    assert transition_frequency([1, 2.5, 3], [1, math.nan, -1]) == pytest.approx(2)
+    assert sign_change_frequency([1, 2.5, 3], [1, math.nan, -1]) == pytest.approx(2)
 
 
 @pytest.mark.parametrize("r", [[], [1.0], [0.5, 0.2], [-0.5, -0.2], [math.nan, math.nan], [0.0, 0.0]])
 def test_no_transition(r: list[float]) -> None:
-    assert transition_frequency(list(range(len(r))), r) is None
+    assert sign_change_frequency(list(range(len(r))), r) is None
 
 
 def test_transition_refuses_unlike_arrays() -> None:
     with pytest.raises(ValueError, match="both must be"):
-        transition_frequency([1, 2], [1, 2, 3])
+        sign_change_frequency([1, 2], [1, 2, 3])
 
 
 # --- a world's row
@@ -303,17 +304,17 @@ def test_transition_refuses_unlike_arrays() -> None:
 @pytest.mark.parametrize("freq", [0.15, 0.75, 1.47])  # 15, 75 and 147 cycles in 100 s; 0.15 and 1.47 not in 90 s
 def test_coordination_of_a_trial(freq: float, phase: float, name: str) -> None:
     found = row(trial(freq, phase))
-    assert (found["mode"], found["valid"], found["fell"]) == (name, True, False)
-    assert found["cycles"] == math.floor(90 * freq + 1e-9)
-    assert found["hip_ankle_r"] == pytest.approx(math.cos(phase), abs=1e-3)
+    assert (found.mode, found.valid, found.fell) == (name, True, False)
+    assert found.cycles == math.floor(90 * freq + 1e-9)
+    assert found.hip_ankle_r == pytest.approx(math.cos(phase), abs=1e-3)
     resolution = 1.01 * DT * freq * math.pi
-    assert found["relative_phase_paper_rad"] == pytest.approx(phase / 2, abs=resolution)
-    assert found["relative_phase_deg"] == pytest.approx(math.degrees(phase), abs=math.degrees(2 * resolution))
-    assert difference(found["phase_mean_deg"], math.degrees(phase)) < 1e-5
-    assert found["phase_sd_deg"] < 1e-3
+    assert found.relative_phase_paper_rad == pytest.approx(phase / 2, abs=resolution)
+    assert found.relative_phase_deg == pytest.approx(math.degrees(phase), abs=math.degrees(2 * resolution))
+    assert difference(found.phase_mean_deg, math.degrees(phase)) < 1e-5
+    assert found.phase_sd_deg < 1e-3
     # Peak-to-peak 2 x 3 deg and 2 x 1.5 deg; the mean of left and right.
-    assert found["hip_range_deg"] == pytest.approx(6, rel=2e-3)
-    assert found["ankle_range_deg"] == pytest.approx(3, rel=2e-3)
+    assert found.hip_range_deg == pytest.approx(6, rel=2e-3)
+    assert found.ankle_range_deg == pytest.approx(3, rel=2e-3)
 
 
 def test_tracking_of_a_trial() -> None:
@@ -323,36 +324,36 @@ def test_tracking_of_a_trial() -> None:
     head = 0.1 - amplitude * wave(freq)[:, None]
     speed = amplitude * 2 * math.pi * freq * np.sin(2 * math.pi * freq * TIME)[:, None]
     found = row(trial(freq, head_x=head, head_vx=speed), tolerance_m=0.0100001)
-    assert found["target_head_r"] == pytest.approx(1)
-    assert found["head_amplitude_m"] == pytest.approx(amplitude)
-    assert found["head_speed_mps"] == pytest.approx(4 * amplitude * freq, rel=1e-3)
-    assert found["tracking_error_mean_mm"] == pytest.approx(20 * 2 / math.pi, rel=1e-3)
-    assert found["tracking_error_rms_mm"] == pytest.approx(20 / math.sqrt(2))
-    assert found["beyond_tolerance_share"] == pytest.approx(2 / 3, abs=2 / 120)  # to a sample at each edge
+    assert found.target_head_r == pytest.approx(1)
+    assert found.head_amplitude_m == pytest.approx(amplitude)
+    assert found.head_speed_mps == pytest.approx(4 * amplitude * freq, rel=1e-3)
+    assert found.tracking_error_mean_mm == pytest.approx(20 * 2 / math.pi, rel=1e-3)
+    assert found.tracking_error_rms_mm == pytest.approx(20 / math.sqrt(2))
+    assert found.beyond_tolerance_share == pytest.approx(2 / 3, abs=2 / 120)  # to a sample at each edge
 
 
 def test_a_late_head_lowers_its_correlation() -> None:
     head = 0.1 - 0.1 * wave(0.5, -0.3)[:, None]
-    assert row(trial(0.5, head_x=head))["target_head_r"] == pytest.approx(math.cos(0.3))
+    assert row(trial(0.5, head_x=head)).target_head_r == pytest.approx(math.cos(0.3))
 
 
 def test_effort_of_a_trial() -> None:
     # Hips 50 Nm, ankles 20 Nm, limit 100 Nm: 2 x 0.25 + 2 x 0.04 = 0.58. Hips at 1 rad/s, ankles at -2 rad/s:
     # 2 x 50 + 2 x 40 = 180 W for 100 s. The torques never change, so their range is 0.
-    torque = np.broadcast_to([50.0, 50, 20, 20], (STEPS, 1, 4))
-    velocity = np.broadcast_to([1.0, 1, -2, -2], (STEPS, 1, 4))
+    torque = np.broadcast_to([50.0, 20, 50, 20], (STEPS, 1, 4))
+    velocity = np.broadcast_to([1.0, -2, 1, -2], (STEPS, 1, 4))
     found = row(trial(0.5, joint_torque=torque, joint_velocity=velocity))
-    assert found["cost"] == pytest.approx(0.58)
-    assert found["energy_j"] == pytest.approx(18000)
-    assert found["hip_torque_range_nm"] == found["ankle_torque_range_nm"] == 0
+    assert found.cost == pytest.approx(0.58)
+    assert found.energy_j == pytest.approx(18000)
+    assert found.hip_torque_range_nm == found.ankle_torque_range_nm == 0
 
 
 def test_ranges_are_those_of_the_mean_of_left_and_right() -> None:
     # Left hip 40 cos, right hip 20 cos: mean 30 cos, range 60. Ankles 10 cos and -4 cos: mean 3 cos, range 6.
-    torque = (wave(0.5)[:, None] * [40.0, 20, 10, -4])[:, None]
+    torque = (wave(0.5)[:, None] * [40.0, 10, 20, -4])[:, None]
     found = row(trial(0.5, joint_torque=torque))
-    assert found["hip_torque_range_nm"] == pytest.approx(60)
-    assert found["ankle_torque_range_nm"] == pytest.approx(6)
+    assert found.hip_torque_range_nm == pytest.approx(60)
+    assert found.ankle_torque_range_nm == pytest.approx(6)
 
 
 def test_balance_of_a_trial() -> None:
@@ -365,10 +366,10 @@ def test_balance_of_a_trial() -> None:
     slid = np.where(TIME < 5, 0.03, 0.0)
     changes = {"cop_x": cop, "foot_flat": ~lifted, "foot_displacement": slid}
     found = row(trial(0.5, **{name: value[:, None] for name, value in changes.items()}))
-    assert found["cop_p05_m"] == found["cop_p25_m"] == pytest.approx(0.01)
-    assert found["cop_p75_m"] == found["cop_p95_m"] == pytest.approx(0.05)
-    assert found["foot_not_flat_share"] == pytest.approx(0.4)
-    assert found["foot_displacement_max_m"] == 0.03
+    assert found.cop_p05_m == found.cop_p25_m == pytest.approx(0.01)
+    assert found.cop_p75_m == found.cop_p95_m == pytest.approx(0.05)
+    assert found.foot_not_flat_share == pytest.approx(0.4)
+    assert found.foot_displacement_max_m == 0.03
 
 
 def test_the_transient_is_left_out_where_it_should() -> None:
@@ -379,11 +380,11 @@ def test_the_transient_is_left_out_where_it_should() -> None:
         0.5,
         head_x=calm.head_x + wild[:, None],
         head_vx=wild[:, None],
-        joint_angle=calm.joint_angle + wild[:, None, None] * [1, 1, -1, -1],
+        joint_angle=calm.joint_angle + wild[:, None, None] * [1, -1, 1, -1],
         joint_torque=np.broadcast_to(wild[:, None, None], (STEPS, 1, 4)),
         joint_velocity=np.ones((STEPS, 1, 4)),
     )
-    before, after = row(calm), row(noisy)
+    before, after = as_row(row(calm)), as_row(row(noisy))
     whole = {"hip_ankle_r", "mode", "target_head_r", "head_speed_mps", "energy_j"}
     assert {name for name in before if before[name] == pytest.approx(after[name], nan_ok=True)} == set(before) - whole
     # 1 m/s for 10 of 100 s; 4 joints x 1 Nm x 1 rad/s for 10 s.
@@ -391,13 +392,13 @@ def test_the_transient_is_left_out_where_it_should() -> None:
     assert after["energy_j"] == pytest.approx(40)
 
 
-@pytest.mark.parametrize("joint", [slice(0, 2), slice(2, 4)])
+@pytest.mark.parametrize("joint", [HIPS, ANKLES])
 def test_a_joint_that_hardly_moves_has_no_mode(joint: slice) -> None:
     angle = trial(0.5).joint_angle.copy()
     angle[..., joint] = math.radians(0.2) * wave(0.5)[:, None, None]  # peak-to-peak 0.4 deg
     found = row(trial(0.5, joint_angle=angle), still_joint_deg=0.5)
-    assert found["mode"] == "undefined"
-    assert found["valid"]
+    assert found.mode == "undefined"
+    assert found.valid
     undefined = (
         "hip_ankle_r",
         "relative_phase_paper_rad",
@@ -405,57 +406,57 @@ def test_a_joint_that_hardly_moves_has_no_mode(joint: slice) -> None:
         "phase_mean_deg",
         "phase_sd_deg",
     )
-    assert all(math.isnan(found[name]) for name in undefined)
-    assert found["target_head_r"] == pytest.approx(1)
-    assert row(trial(0.5, joint_angle=angle), still_joint_deg=0.3)["mode"] == "in-phase"
+    assert all(math.isnan(getattr(found, name)) for name in undefined)
+    assert found.target_head_r == pytest.approx(1)
+    assert row(trial(0.5, joint_angle=angle), still_joint_deg=0.3).mode == "in-phase"
 
 
 def test_a_fall_makes_all_indices_undefined() -> None:
     # The second world falls at step 738, 738 / 60 = 12.3 s.
-    fallen, standing = indices(trial([0.3, 0.6], fall_step=np.array([738, -1])), **SETTINGS)
-    assert (fallen["fell"], fallen["valid"], fallen["mode"]) == (True, False, "undefined")
-    assert fallen["fall_time_s"] == pytest.approx(12.3)
+    fallen, standing = measure_trajectory(trial([0.3, 0.6], fall_step=np.array([738, -1])), **SETTINGS)
+    assert (fallen.fell, fallen.valid, fallen.mode) == (True, False, "undefined")
+    assert fallen.fall_time_s == pytest.approx(12.3)
     kept = {"freq_hz": 0.3, "hip_k_nm_per_rad": 125.0, "ankle_k_nm_per_rad": 25.0, "load_kg": 0.0}
-    assert {name: fallen[name] for name in kept} == kept
-    rest = set(fallen) - set(kept) - {"fell", "valid", "mode", "fall_time_s"}
+    assert {name: getattr(fallen, name) for name in kept} == kept
+    rest = set(as_row(fallen)) - set(kept) - {"fell", "valid", "mode", "fall_time_s"}
     assert len(rest) > 20
-    assert all(math.isnan(fallen[name]) for name in rest)
-    assert standing["valid"]
-    assert math.isnan(standing["fall_time_s"])
-    assert all(math.isfinite(standing[name]) for name in rest)
+    assert all(math.isnan(getattr(fallen, name)) for name in rest)
+    assert standing.valid
+    assert math.isnan(standing.fall_time_s)
+    assert all(math.isfinite(getattr(standing, name)) for name in rest - {"cost_ratio"})
 
 
 def test_a_fall_at_the_first_step_counts() -> None:
-    assert row(trial(0.3, fall_step=np.array([0])))["fell"]
+    assert row(trial(0.3, fall_step=np.array([0]))).fell
 
 
 def test_a_simulation_that_blew_up_is_not_valid() -> None:
     head = trial(0.5).head_x.copy()
     head[-1] = math.nan
     found = row(trial(0.5, head_x=head))
-    assert (found["valid"], found["fell"], found["mode"]) == (False, False, "undefined")
-    assert math.isnan(found["cost"])
+    assert (found.valid, found.fell, found.mode) == (False, False, "undefined")
+    assert math.isnan(found.cost)
 
 
 def test_a_slow_target_with_less_than_two_cycles() -> None:
     # 0.015 Hz: 66.7 s a cycle. One fits into 90 s: a mean but no deviation; none fits into 60 s.
     one = row(trial(0.015, 0.5))
-    assert one["cycles"] == 1
-    assert one["phase_mean_deg"] == pytest.approx(math.degrees(0.5))
-    assert math.isnan(one["phase_sd_deg"])
-    assert one["head_amplitude_m"] == pytest.approx(0.1, rel=1e-3)
+    assert one.cycles == 1
+    assert one.phase_mean_deg == pytest.approx(math.degrees(0.5))
+    assert math.isnan(one.phase_sd_deg)
+    assert one.head_amplitude_m == pytest.approx(0.1, rel=1e-3)
     none = row(trial(0.015, 0.5), transient_s=40.0)
-    assert none["cycles"] == 0
-    assert none["mode"] == "in-phase"
+    assert none.cycles == 0
+    assert none.mode == "in-phase"
     undefined = ("relative_phase_paper_rad", "relative_phase_deg", "phase_mean_deg", "head_amplitude_m")
-    assert all(math.isnan(none[name]) for name in undefined)
-    assert math.isfinite(none["tracking_error_rms_mm"])
+    assert all(math.isnan(getattr(none, name)) for name in undefined)
+    assert math.isfinite(none.tracking_error_rms_mm)
 
 
 def test_a_ramp_has_a_correlation_but_no_cycles() -> None:
     found = row(replace(trial(0.5), freq=np.array([math.nan])))
-    assert (found["cycles"], found["mode"], found["valid"]) == (0, "in-phase", True)
-    assert math.isnan(found["head_amplitude_m"])
+    assert (found.cycles, found.mode, found.valid) == (0, "in-phase", True)
+    assert math.isnan(found.head_amplitude_m)
 
 
 def test_a_transient_longer_than_the_trial_is_refused() -> None:
@@ -467,14 +468,14 @@ def test_a_transient_longer_than_the_trial_is_refused() -> None:
 
 
 def test_csv_holds_every_row(tmp_path: Path) -> None:
-    rows = indices(trial([0.3, 0.6], fall_step=np.array([738, -1])), **SETTINGS)
+    rows = measure_trajectory(trial([0.3, 0.6], fall_step=np.array([738, -1])), **SETTINGS)
     write_csv(rows, tmp_path / "rows.csv")
     with (tmp_path / "rows.csv").open(newline="") as file:
         read = list(csv.DictReader(file))
-    assert [list(line) for line in read] == [list(r) for r in rows]
+    assert [list(line) for line in read] == [list(as_row(r)) for r in rows]
     assert (read[0]["freq_hz"], read[0]["fall_time_s"], read[0]["fell"]) == ("0.3", "12.3", "True")
     assert (read[0]["hip_ankle_r"], read[1]["mode"]) == ("nan", "in-phase")
-    assert float(read[1]["head_amplitude_m"]) == pytest.approx(rows[1]["head_amplitude_m"], rel=1e-5)
+    assert float(read[1]["head_amplitude_m"]) == pytest.approx(rows[1].head_amplitude_m, rel=1e-5)
     assert [path.name for path in tmp_path.iterdir()] == ["rows.csv"]
 
 

@@ -7,17 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from envs.body.joints import ANKLES, HIPS
 from posture.analysis.coordination import (
     circular_mean_sd,
     correlation,
     cycle_amplitude,
     cycle_phases,
     cycles,
-    read_csv,
     relative_phase_paper,
-    write_csv,
 )
-from posture.analysis.table import evaluation_table, markdown_table
+from posture.analysis.results import read_csv, write_csv
+from posture.analysis.table import evaluation_columns, markdown_table, text_table
 from tests.posture.analysis.test_coordination import DT, TIME, difference, row, trial, wave
 
 # Periods that are a whole number of samples and fit whole into 100 s and into 90 s, so that hand arithmetic is exact.
@@ -104,22 +104,22 @@ UNDEFINED = ("hip_ankle_r", "relative_phase_paper_rad", "relative_phase_deg", "p
 def test_a_flat_joint_is_undefined_in_every_table(tmp_path_factory, which, level, ripple):
     """Neither 0 nor nan is shown: the mode is "undefined" and numbers are a dash. `ripple` [deg] is below what counts."""
     angle = trial(0.5).joint_angle.copy()
-    for joint, columns in (("hip", slice(0, 2)), ("ankle", slice(2, 4))):
+    for joint, columns in (("hip", HIPS), ("ankle", ANKLES)):
         if which in (joint, "both"):
             angle[..., columns] = level + math.radians(ripple) * wave(0.5)[:, None, None]
     found = row(trial(0.5, joint_angle=angle))
-    assert found["valid"] and found["mode"] == "undefined" and all(math.isnan(found[name]) for name in UNDEFINED)
-    for text in (evaluation_table([found], None), markdown_table([found], None)):
+    assert found.valid and found.mode == "undefined" and all(math.isnan(getattr(found, name)) for name in UNDEFINED)
+    for text in (draw([found], evaluation_columns([found], None)) for draw in (text_table, markdown_table)):
         assert "undefined" in text and "nan" not in text
         assert [cell for cell in text.splitlines()[-1].replace("|", " ").split()].count("-") == 2
     path = tmp_path_factory.mktemp("rows") / "rows.csv"
     write_csv([found], path)
     (read,) = read_csv(path)
-    assert read["mode"] == "undefined" and math.isnan(read["hip_ankle_r"])
+    assert read.mode == "undefined" and math.isnan(read.hip_ankle_r)
 
 
 def test_a_head_or_target_that_stands_still_has_no_correlation():
     still = np.full((len(TIME), 1), 0.1)
     found = row(trial(0.5, head_x=still))
-    assert math.isnan(found["target_head_r"]) and found["head_amplitude_m"] == 0.0
-    assert "nan" not in evaluation_table([found], None)
+    assert math.isnan(found.target_head_r) and found.head_amplitude_m == 0.0
+    assert "nan" not in text_table([found], evaluation_columns([found], None))

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 
+from envs.body.joints import ANKLES
 from posture.analysis import figures
-from posture.analysis.coordination import Row, indices
+from posture.analysis.coordination import measure_trajectory
+from posture.analysis.results import Result
 from posture.analysis.trajectory import Trajectory
 
 DT, STEPS = 0.02, 1000  # 20 s
@@ -36,7 +38,7 @@ def sweep(freq: list[float], fall_step: list[int] | None = None, **changes: Any)
     f, time = np.array(freq), np.arange(STEPS) * DT
     angle = 2 * np.pi * np.nan_to_num(f, nan=0.5) * time[:, None]
     hip, ankle = -0.1 * np.cos(angle) * np.where(f < 0.75, 1, -1), -0.05 * np.cos(angle + 0.2)
-    joints = np.stack([hip, hip, ankle, ankle], axis=-1)
+    joints = np.stack([hip, ankle, hip, ankle], axis=-1)
     shape = angle.shape
     fields: dict[str, Any] = {
         "time": time, "freq": f, "hip_k": np.full(len(f), 125.0), "ankle_k": np.full(len(f), 25.0),
@@ -51,8 +53,8 @@ def sweep(freq: list[float], fall_step: list[int] | None = None, **changes: Any)
     return Trajectory(**{**fields, **changes})
 
 
-def measured(trajectory: Trajectory) -> list[Row]:
-    return indices(trajectory, transient_s=2.0, tolerance_m=0.025, still_joint_deg=0.5)
+def measured(trajectory: Trajectory) -> list[Result]:
+    return measure_trajectory(trajectory, transient_s=2.0, tolerance_m=0.025, still_joint_deg=0.5)
 
 
 def drawing(name: str, trajectory: Trajectory, paper: figures.Paper, path: Path) -> None:
@@ -95,7 +97,7 @@ def test_the_data_is_drawn(name: str, tmp_path: Path) -> None:
         head_x=head,
         head_vx=2 * calm.head_vx,
         cop_x=calm.cop_x**2 * 10,
-        joint_angle=calm.joint_angle * [2, 2, -1, -1],
+        joint_angle=calm.joint_angle * [2, -1, 2, -1],
         joint_torque=3 * calm.joint_torque,
     )
     drawing(name, calm, None, tmp_path / "calm.png")
@@ -163,7 +165,7 @@ def test_units_are_on_the_axes(tmp_path: Path) -> None:
 
 def test_a_still_joint_is_shown_as_undefined(tmp_path: Path) -> None:
     angle = sweep([0.3, 0.6]).joint_angle.copy()
-    angle[:, 0, 2:] = 0.01
+    angle[:, 0, ANKLES] = 0.01
     for name, label in {"coordination": "ours, undefined", "angle_plots": "undefined"}.items():
         assert label in text_of(name, sweep([0.3, 0.6], joint_angle=angle), None, tmp_path)
         assert label not in text_of(name, sweep([0.3, 0.6]), None, tmp_path)

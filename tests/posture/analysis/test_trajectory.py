@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from posture.analysis.trajectory import JOINTS, Trajectory
+from envs.body.joints import JOINTS
+from posture.analysis.trajectory import Trajectory
 from posture.storage.atomic import replacing
 
 STEPS, WORLDS = 5, 3
@@ -43,10 +44,28 @@ def test_saved_is_read_back_unchanged(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["roll-out.npz"]
 
 
+def test_a_file_without_joint_names_has_the_earlier_order(tmp_path: Path) -> None:
+    earlier = ("hip_left", "hip_right", "ankle_left", "ankle_right")
+    number = {joint: float(i) for i, joint in enumerate(JOINTS)}
+    arrays = {field.name: getattr(trajectory(), field.name) for field in dataclasses.fields(Trajectory)}
+    for name in ("joint_angle", "joint_velocity", "joint_torque"):
+        arrays[name] = np.broadcast_to([number[joint] for joint in earlier], (STEPS, WORLDS, 4))
+    np.savez(tmp_path / "earlier.npz", **arrays)
+    read = Trajectory.read(tmp_path / "earlier.npz")
+    for name in ("joint_angle", "joint_velocity", "joint_torque"):
+        np.testing.assert_array_equal(getattr(read, name), np.broadcast_to([0.0, 1.0, 2.0, 3.0], (STEPS, WORLDS, 4)))
+
+
+def test_unknown_joints_are_refused(tmp_path: Path) -> None:
+    arrays = {field.name: getattr(trajectory(), field.name) for field in dataclasses.fields(Trajectory)}
+    np.savez(tmp_path / "knees.npz", joints=["hip_left", "knee_left", "hip_right", "knee_right"], **arrays)
+    with pytest.raises(ValueError, match="knee_left"):
+        Trajectory.read(tmp_path / "knees.npz")
+
+
 def test_mean_of_left_and_right() -> None:
     # hip: (1 + 3) / 2 = 2; ankle: (-5 - 1) / 2 = -3.
-    angle = np.broadcast_to([1.0, 3.0, -5.0, -1.0], (STEPS, WORLDS, 4))
-    assert JOINTS == ("hip_left", "hip_right", "ankle_left", "ankle_right")
+    angle = np.broadcast_to([1.0, -5.0, 3.0, -1.0], (STEPS, WORLDS, 4))
     np.testing.assert_array_equal(trajectory(joint_angle=angle).hip, np.full((STEPS, WORLDS), 2.0))
     np.testing.assert_array_equal(trajectory(joint_angle=angle).ankle, np.full((STEPS, WORLDS), -3.0))
 

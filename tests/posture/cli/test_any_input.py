@@ -13,6 +13,7 @@ from hydra.core.hydra_config import HydraConfig
 from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
+from posture.cli import entry
 from posture.cli.jobs import CONF, plain
 from posture.config.errors import ConfigError
 from posture.config.eval import EvalConfig
@@ -141,7 +142,7 @@ REFUSED = [
     ("train", "env.termination.fall_height=1.3", "env.termination.fall_height"),
     ("train", "env.reward.alive=1e39", "env.reward.alive"),
     ("train", "env.reward.alive={start:1e-9,end:1e4,steps:5}", "env.reward.alive: start and end must not lie further"),
-    ("train", "env.observations.policy=[balance]", "env.observations.policy: unknown balance"),
+    ("train", "env.observations.policy=[balance]", "env.observations.policy.0 = 'balance'"),
     ("train", "agent.num_steps_per_env=0", "agent.num_steps_per_env"),
     ("train", "agent.algorithm.num_mini_batches=0", "agent.algorithm.num_mini_batches"),
     ("train", "agent.algorithm.num_mini_batches=40000", "env.num_envs x agent.num_steps_per_env = 32768 samples"),
@@ -159,7 +160,7 @@ REFUSED = [
     ("eval", "env.hip_k=nan", "env.hip_k"),
     ("eval", "policy=lqr lqr.torque=0", "lqr.torque"),
     ("eval", "policy=lqr lqr.tolerance_margin=0.03", "lqr.tolerance_margin: 0.03 m leaves nothing"),
-    ("eval", "lqr.env.observations.policy=[balance]", "lqr.env.observations.policy: unknown balance"),
+    ("eval", "lqr.env.observations.policy=[balance]", "lqr.env.observations.policy.0 = 'balance'"),
     ("eval", "ckpt=''", "ckpt: a path must not be empty"),
     ("theory", "experiment_4b.step=1e-9", "experiment_4b.step"),
     ("theory", "figure_13.step=1e-9", "figure_13.step"),

@@ -27,11 +27,11 @@ def _elsewhere(tmp_path, monkeypatch):
         ("env.frequency=1", ["env.frequency: no such key", "num_envs, freq, ramp"]),
         ("+env.frequency=1", ["env.frequency: no such key"]),
         ("env.freq=[", ["no viable alternative"]),
-        ("env.freq=fast", ["env.freq = fast", "a number in [0.001, 10] Hz"]),
+        ("env.freq=fast", ["env.freq = fast", "allowed is a number, or a range"]),
         ("env.freq=-1", ["env.freq"]),
         ("env.freq=[1.0,0.5]", ["from low to high"]),
         ("env.ramp={start: 0.0, rate: -0.1, duration: 5.0}", ["the ramp ends at -0.5 Hz"]),
-        ("env.episode_steps=0", ["env.episode_steps = 0", "at least 1, or a range"]),
+        ("env.episode_steps=0", ["env.episode_steps = 0", "greater than or equal to 1"]),
         ("env.episode_steps=[9,3]", ["episode_steps: a range goes from low to high"]),
         ("env.hip_k=-5", ["env.hip_k = -5", "greater than or equal to 0"]),
         ("env.hip_k=nan", ["env.hip_k", "finite"]),
@@ -39,7 +39,7 @@ def _elsewhere(tmp_path, monkeypatch):
         ("env.num_envs=2.5", ["env.num_envs = 2.5", "integer"]),
         ("env.control_dt=0", ["env.control_dt"]),
         ("env.termination.head_tolerance=0.3", ["head_tolerance", "at most the target's amplitude of 0.1 m"]),
-        ("env.observations.policy=[head,balance]", ["unknown balance", "joint_angle"]),
+        ("env.observations.policy=[head,balance]", ["'balance': must be", "joint_angle"]),
         ("agent.obs_groups.actor=[foot_wrench]", ["agent.obs_groups.actor", "foot_wrench not among"]),
         ("env.num_envs=2 agent.num_steps_per_env=4", ["4 samples a process do not fill 16 mini-batches"]),
         ("env.num_envs=3", ["env.num_envs = 3 cannot be shared equally among 2 processes"]),
@@ -95,7 +95,7 @@ def test_a_python_process_exits_with_2(tmp_path):
         [sys.executable, "-m", "posture.train", "env.hip_k=-5"], capture_output=True, text=True, cwd=tmp_path
     )
     assert told.returncode == 2
-    assert told.stderr.strip() == "error: env.hip_k = -5: input should be greater than or equal to 0"
+    assert told.stderr.strip() == "error: env.hip_k = -5: must be greater than or equal to 0"
 
 
 # -- runs ------------------------------------------------------------------------------------------------------------

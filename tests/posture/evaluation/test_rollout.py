@@ -73,7 +73,7 @@ def test_joint_order_and_torques(env):
         return torch.tensor([[0.05, -0.1]]).repeat(3, 1)
 
     trial = record(env, act, duration=0.1)
-    assert trial.joint_torque[0, 0].tolist() == pytest.approx([5.0, 5.0, -10.0, -10.0])  # hips first, then ankles
+    assert trial.joint_torque[0, 0].tolist() == pytest.approx([5.0, -10.0, 5.0, -10.0])
     assert trial.hip[-1] == pytest.approx(env.sim.joint_angle[:, 0].numpy(), abs=1e-6)
     assert trial.ankle[-1] == pytest.approx(env.sim.joint_angle[:, 1].numpy(), abs=1e-6)
 

@@ -15,10 +15,10 @@ import pytest
 import torch
 import yaml
 
-from envs.body.joints import JOINTS as MODEL_JOINTS
-from envs.task.head_tracking import ACTIONS, HeadTrackingEnv
+from envs.body.joints import JOINTS, KINDS
+from envs.task.head_tracking import HeadTrackingEnv
 from envs.task.observations import TERMS
-from posture.analysis.trajectory import JOINTS, Trajectory
+from posture.analysis.trajectory import Trajectory
 from posture.config.eval import EvaluationConfig
 from posture.evaluation.rollout import rollout
 from posture.evaluation.trial import AS_TRAINED, trial_config
@@ -249,7 +249,7 @@ def test_the_file_says_what_stands_where(made, shipped):
     told = {entry.key: entry.value for entry in proto.metadata_props}
     assert [value.name for value in proto.graph.input] == ["observation"]
     assert [value.name for value in proto.graph.output] == ["action"]
-    assert [entry["name"] for entry in json.loads(told["action"])] == list(ACTIONS)
+    assert [entry["name"] for entry in json.loads(told["action"])] == list(KINDS)
     seen = [(entry["name"], entry["unit"]) for entry in json.loads(told["observation"])]
     assert seen == [
         ("hip_angle_mean", "rad"), ("ankle_angle_mean", "rad"), ("hip_velocity_mean", "rad/s"),
@@ -268,7 +268,7 @@ def test_names_of_the_senses_are_those_of_their_values():
     def exact(values):
         return torch.tensor(values, dtype=torch.float64)
 
-    number = {joint: value for value, joint in enumerate(MODEL_JOINTS, 1)}
+    number = {joint: value for value, joint in enumerate(JOINTS, 1)}
     force = exact([[[[1, 2, 3], [10, 20, 30]], [[100, 200, 300], [1000, 2000, 3000]]]])  # foot, end, axis
     place = exact([0.1, 0.0, -0.05]).expand(1, 2, 2, 3)
     turned = [0.0, 0.0, np.sin(0.15), np.cos(0.15)]  # by 0.3 rad about z
@@ -282,9 +282,9 @@ def test_names_of_the_senses_are_those_of_their_values():
         target_x=exact([0.75]), target_vx=exact([0.8]),
         action=exact([[0.01 * number[joint] for joint in ("hip_left", "ankle_left") * 2]]),
         sim=SimpleNamespace(
-            joint_angle=exact([[float(number[joint]) for joint in MODEL_JOINTS]]),
-            joint_velocity=exact([[10.0 * number[joint] for joint in MODEL_JOINTS]]),
-            joint_force=exact([[100.0 * number[joint] for joint in MODEL_JOINTS]]),
+            joint_angle=exact([[float(number[joint]) for joint in JOINTS]]),
+            joint_velocity=exact([[10.0 * number[joint] for joint in JOINTS]]),
+            joint_force=exact([[100.0 * number[joint] for joint in JOINTS]]),
             body_pose=exact([[[0.0, 0.0, 0.0, *level]] * 2]),
             sole_force=force, sole_position=place,
         ),
@@ -307,7 +307,7 @@ def test_names_of_the_senses_are_those_of_their_values():
         "ankle_velocity_mean": 5.0 * (number["ankle_left"] + number["ankle_right"]),
         "hip_last_action": 0.01 * number["hip_left"], "ankle_last_action": 0.01 * number["ankle_left"],
     }  # fmt: skip
-    for joint in MODEL_JOINTS:
+    for joint in JOINTS:
         kind = joint.split("_")[0]
         expected |= {f"{joint}_angle": number[joint], f"{joint}_velocity": 10 * number[joint]}
         expected |= {f"{joint}_torque_with_spring_and_damper": 100 * number[joint]}

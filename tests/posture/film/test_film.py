@@ -67,20 +67,20 @@ def test_one_frequency_or_several():
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (["env.freq=0"], "env.freq.0 = 0: input should be greater than"),
-        (["env.freq=-1"], "env.freq.0 = -1: input should be greater than"),
-        (["env.freq=[0.5,11]"], "env.freq.1 = 11: input should be less than or equal to 10"),
+        (["env.freq=0"], "env.freq.0 = 0: must be greater than"),
+        (["env.freq=-1"], "env.freq.0 = -1: must be greater than"),
+        (["env.freq=[0.5,11]"], "env.freq.1 = 11: must be less than or equal to 10"),
         (["env.freq=8"], "env.freq = 8: fewer than 4 frames to a cycle; allowed is up to 6 Hz with fps = 24"),
         (["env.freq=0.001"], "env.freq = 0.001: a cycle lasts 1000 s, longer than a film; allowed is 0.0166667 Hz or more"),
-        (["env.freq=fast"], "env.freq.0 = 'fast': input should be a valid number"),
+        (["env.freq=fast"], "env.freq.0 = 'fast': must be a valid number"),
         (["env.freq=[]"], "env.freq = []: "),
         (["env.freq=[1,1,1,1,1]"], "at most 4"),
         (["env.ramp.duration=90"], "env.ramp.duration = 90: allowed is up to longest = 60 s"),
         (["ckpt=nowhere"], "nowhere: no such file or folder"),
         (["ckpt=pretrained/nobody"], "pretrained/nobody: no such policy"),
         (["out=taken/film"], "cannot write to the folder taken/film"),
-        (["width=361"], "width = 361: input should be a multiple of 2"),
-        (["fps=100"], "fps = 100: input should be less than or equal to 50"),
+        (["width=361"], "width = 361: must be a multiple of 2"),
+        (["fps=100"], "fps = 100: must be less than or equal to 50"),
         (["films=[three_modes]"], "'two_modes' or 'ramp'"),
         (["formats=[avi]"], "'mp4' or 'gif'"),
         (["frequency=1"], "frequency"),
@@ -211,7 +211,7 @@ def swaying(lag, freq=1.0, seconds=10.0, dt=0.02, fall_step=-1):
     """A stander whose ankle sways with its hip, `lag` [rad] behind it."""
     time = dt * np.arange(1, round(seconds / dt) + 1)
     hip, ankle = (np.radians(a) * np.sin(2 * math.pi * freq * time - b) for a, b in ((10, 0), (5, lag)))
-    angle = np.stack([hip, hip, ankle, ankle], axis=-1)[:, None]
+    angle = np.stack([hip, ankle, hip, ankle], axis=-1)[:, None]
     still = np.zeros((len(time), 1))
     fields = dict.fromkeys(("target_x", "head_x", "head_vx", "cop_x", "torso_height", "foot_displacement"), still)
     trial = dict(

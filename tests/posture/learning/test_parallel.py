@@ -33,7 +33,7 @@ def pooled():
 
 
 def test_moments_of_two_processes_are_those_of_all_samples():
-    with parallel.crew(2, "cpu", pooled):
+    with parallel.worker_processes(2, "cpu", pooled):
         assert (parallel.rank(), parallel.size()) == (0, 2)
         mine = pooled()
     everything = torch.cat([samples_of(0), samples_of(1)])
@@ -54,7 +54,7 @@ def exchanged():
 
 
 def test_the_board_adds_tells_and_gathers():
-    with parallel.crew(3, "cpu", exchanged):
+    with parallel.worker_processes(3, "cpu", exchanged):
         numbers, told, states = exchanged()
     assert torch.equal(numbers, torch.arange(600_000, dtype=torch.float32) * 6)
     assert told.tolist() == [7, 8, 9]
@@ -65,21 +65,21 @@ def test_the_board_adds_tells_and_gathers():
 def asked_to_stop():
     """Whether one, or none, knows of a reason to stop; and which processes the terminal's signals do not reach."""
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, ())
-    by_one, by_none = parallel.any_of(parallel.rank() == 1, "cpu"), parallel.any_of(False, "cpu")
+    by_one, by_none = parallel.any_process(parallel.rank() == 1, "cpu"), parallel.any_process(False, "cpu")
     return by_one, by_none, parallel.gather({signal.SIGINT, signal.SIGTERM} <= blocked)
 
 
 def test_what_one_process_knows_all_know_and_the_first_alone_hears_signals():
-    with parallel.crew(2, "cpu", asked_to_stop):
+    with parallel.worker_processes(2, "cpu", asked_to_stop):
         assert asked_to_stop() == (True, False, [False, True])
 
 
 def test_a_gpu_is_for_one_process(monkeypatch):
-    with parallel.crew(2, "cuda", die):
-        assert parallel.size() == 1 and parallel.own_device("cuda") == "cuda"
+    with parallel.worker_processes(2, "cuda", die):
+        assert parallel.size() == 1 and parallel.local_device("cuda") == "cuda"
     monkeypatch.setenv("WORLD_SIZE", "4")
     monkeypatch.setenv("LOCAL_RANK", "3")
-    assert parallel.own_device("cuda") == "cuda:3" and parallel.own_device("cpu") == "cpu"
+    assert parallel.local_device("cuda") == "cuda:3" and parallel.local_device("cpu") == "cpu"
 
 
 def die():
@@ -88,7 +88,7 @@ def die():
 
 
 def test_a_process_that_is_gone_is_not_waited_for():
-    with pytest.raises(RuntimeError, match="process 1 of 2 is gone"), parallel.crew(2, "cpu", die):
+    with pytest.raises(RuntimeError, match="process 1 of 2 ended unexpectedly"), parallel.worker_processes(2, "cpu", die):
         dist.all_reduce(torch.zeros(1))
 
 
@@ -98,7 +98,7 @@ def fail_elsewhere():
 
 
 def test_a_process_that_fails_is_an_error():
-    with pytest.raises(RuntimeError, match="process 1 of 2 failed"), parallel.crew(2, "cpu", fail_elsewhere):
+    with pytest.raises(RuntimeError, match="process 1 of 2 failed"), parallel.worker_processes(2, "cpu", fail_elsewhere):
         pass
 
 

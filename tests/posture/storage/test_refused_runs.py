@@ -12,7 +12,8 @@ import pytest
 import torch
 
 import envs.task.head_tracking
-from envs.task.head_tracking import ACTIONS, HeadTrackingEnv
+from envs.body.joints import KINDS
+from envs.task.head_tracking import HeadTrackingEnv
 from envs.task.observations import TERMS
 from posture.config.errors import ConfigError
 from posture.learning.policy import NUM_ACTIONS, OBSERVATION_SIZES, iterations_done, load_policy
@@ -376,4 +377,4 @@ def test_the_sizes_are_those_of_the_task():
     every = config.model_copy(update={"observations": {term: (term,) for term in TERMS}})
     senses = HeadTrackingEnv(every, 0, "cpu").get_observations()
     assert {term: senses[term].shape[1] for term in TERMS} == OBSERVATION_SIZES
-    assert len(ACTIONS) == NUM_ACTIONS
+    assert len(KINDS) == NUM_ACTIONS

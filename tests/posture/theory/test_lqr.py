@@ -106,15 +106,15 @@ def static(stander):
 def test_it_stands_follows_and_costs_what_the_optimum_costs(tmp_path, capsys):
     """In the full simulation, feet flat, within a tenth of the least cost, in phase at 0.5 Hz and anti-phase at 1 Hz."""
     rows = evaluate_lqr(LQR, EVAL.evaluation, AS_TRAINED, EVAL.paper, "cpu", tmp_path)
-    assert [row["mode"] for row in rows] == ["in-phase", "anti-phase"]
+    assert [row.mode for row in rows] == ["in-phase", "anti-phase"]
     for row in rows:
-        assert row["valid"] and row["foot_not_flat_share"] == 0.0
-        assert 0.9 < row["cost_ratio"] < 1.15
-        assert row["cost_ratio"] == pytest.approx(row["cost"] / row["least_cost"])
-        assert row["head_amplitude_m"] == pytest.approx(0.076, abs=0.004)
+        assert row.valid and row.foot_not_flat_share == 0.0
+        assert 0.9 < row.cost_ratio < 1.15
+        assert row.cost_ratio == pytest.approx(row.cost / row.least.cost)
+        assert row.head_amplitude_m == pytest.approx(0.076, abs=0.004)
     with (tmp_path / "metrics.csv").open(newline="") as file:
         written = list(csv.DictReader(file))
-    assert [float(row["cost_ratio"]) for row in written] == pytest.approx([row["cost_ratio"] for row in rows], rel=1e-5)
+    assert [float(row["cost_ratio"]) for row in written] == pytest.approx([row.cost_ratio for row in rows], rel=1e-5)
     assert {"trial.yaml", "table.md", "coordination.png"} <= {path.name for path in tmp_path.iterdir()}
     assert "cost/least" in " ".join(capsys.readouterr().out.split())
 
@@ -124,8 +124,8 @@ def test_within_the_tolerance_and_on_flat_feet_nothing_costs_less_than_the_bound
     squares of angles that the linear model leaves out: a ratio under 0.97 would be an error of theory or of simulation."""
     careful = LQR.model_copy(update={"tolerance_margin": 0.006})
     for row in evaluate_lqr(careful, EVAL.evaluation, AS_TRAINED, EVAL.paper, "cpu", tmp_path):
-        assert row["beyond_tolerance_share"] == 0.0 and row["foot_not_flat_share"] == 0.0
-        assert 0.97 <= row["cost_ratio"] < 1.3
+        assert row.beyond_tolerance_share == 0.0 and row.foot_not_flat_share == 0.0
+        assert 0.97 <= row.cost_ratio < 1.3
 
 
 def test_a_motion_for_every_world(stander):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from envs.task import rewards
 from posture.analysis.coordination import correlation, torque_cost
-from posture.theory.motion import Motion, indices, joint_arrays
+from posture.theory.motion import Motion, joint_arrays, motion_indices
 from posture.theory.optimum import bound, cheapest_sinusoid, sinusoid
 from posture.theory.program import InfeasibleError, Program
 from posture.theory.reward_optimum import RewardTerms, reward_optimum, reward_terms
@@ -149,10 +149,10 @@ def test_bound_against_another_solver(stander):
 def test_centre_of_pressure_binds_where_the_foot_is_short(stander):
     """A foot cut off where the free optimum would stand on it holds the centre of pressure back, and that costs."""
     free = bound(stander, 0.6, AMPLITUDE, TOLERANCE)
-    reach = indices(free, 100.0).cop_max_m
+    reach = motion_indices(free, 100.0).cop_max_m
     short = replace(stander, toe_x=reach - 0.03)
     held = bound(short, 0.6, AMPLITUDE, TOLERANCE)
-    assert indices(held, 100.0).cop_max_m == pytest.approx(short.toe_x, abs=1e-4)
+    assert motion_indices(held, 100.0).cop_max_m == pytest.approx(short.toe_x, abs=1e-4)
     assert cost(held) > 1.01 * cost(free)
 
 
@@ -187,7 +187,7 @@ def test_what_cannot_be_met_is_said_in_one_line(stander, change):
 def test_indices_of_a_sinusoid_by_hand(stander):
     """q = (a cos, b sin) with an offset: ranges 2 |amplitude|, no correlation, a quarter turn of phase."""
     motion = Motion(stander, 0.5, np.array([[0.3, -0.1], [0.2, -0.05j]]))  # Re(-i b e^iwt) = b sin
-    seen = indices(motion, 100.0)
+    seen = motion_indices(motion, 100.0)
     assert seen.hip_range_deg == pytest.approx(math.degrees(0.4)) and seen.ankle_range_deg == pytest.approx(
         math.degrees(0.1)
     )
@@ -207,7 +207,7 @@ def test_indices_of_a_sinusoid_by_hand(stander):
 
 
 def test_a_joint_that_stands_still_has_no_correlation(stander):
-    seen = indices(Motion(stander, 0.5, np.array([[0.1, 0.0], [0.1, 0.0]], dtype=complex)), 100.0)
+    seen = motion_indices(Motion(stander, 0.5, np.array([[0.1, 0.0], [0.1, 0.0]], dtype=complex)), 100.0)
     assert math.isnan(seen.hip_ankle_r) and math.isnan(seen.phase_mean_deg)
 
 
@@ -263,7 +263,7 @@ def test_reward_terms_read_the_configuration(env_config, stander, unit):
     motion = cheapest_sinusoid(stander, 0.9, AMPLITUDE, TOLERANCE)
     energy, torque = reward_terms(motion, config)
     assert torque == pytest.approx(-effort * cost(motion))
-    spent = indices(motion, 100.0).energy_j
+    spent = motion_indices(motion, 100.0).energy_j
     assert energy == pytest.approx(
         -spent / 100.0 * {"normalised": 0.0166 / 100, "authors": 0.1 / 100, "si": 0.0166}[unit], rel=1e-3
     )
@@ -278,4 +278,4 @@ def test_a_reward_without_weight_on_torques_prefers_no_motion(stander, config):
 def test_correlation_is_that_of_the_drawn_signals(stander):
     motion = bound(stander, 0.5, AMPLITUDE, TOLERANCE)
     angle = motion.angle(np.arange(30000) * 0.0166)
-    assert indices(motion, 100.0).hip_ankle_r == pytest.approx(correlation(angle[:, 0], angle[:, 1]), abs=2e-3)
+    assert motion_indices(motion, 100.0).hip_ankle_r == pytest.approx(correlation(angle[:, 0], angle[:, 1]), abs=2e-3)

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from posture.analysis.coordination import Row
+from posture.analysis.results import Row
 from posture.analysis.trajectory import Trajectory
 from posture.reproduce.figures import curves as report_curves
 from posture.reproduce.figures import stiffness_map as report_map
@@ -90,7 +90,7 @@ def trial(phase: np.ndarray, freq: list[float], fall_step: int = -1) -> Trajecto
     first world may fall."""
     speed = np.gradient(phase, DT, axis=0) / (2 * np.pi)
     hip, ankle = 0.1 * np.cos(phase) * np.where(speed < 0.7, 1, -1), 0.05 * np.cos(phase)
-    joints = np.stack([hip, hip, ankle, ankle], axis=-1)
+    joints = np.stack([hip, ankle, hip, ankle], axis=-1)
     fields: dict[str, Any] = {
         "time": np.arange(len(phase)) * DT, "freq": np.array(freq), "hip_k": np.full(len(freq), 125.0),
         "ankle_k": np.full(len(freq), 25.0), "load": np.zeros(len(freq)), "target_x": 0.1 - 0.1 * np.cos(phase),

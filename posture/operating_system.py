@@ -1,0 +1,59 @@
+"""What differs between POSIX systems and Windows; everything else in the project runs on both."""
+
+import contextlib
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+
+
+@contextlib.contextmanager
+def block_signals(signals: tuple[signal.Signals, ...]) -> Iterator[None]:
+    """Hold `signals` back until the block ends; processes started inside it never receive them.
+
+    Windows cannot hold signals back: there they arrive as usual.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def yield_processor() -> None:
+    """Let another process that is ready run on this processor; a system call, and so also a memory barrier."""
+    if sys.platform == "win32":
+        time.sleep(0)
+    else:
+        os.sched_yield()
+
+
+def process_is_alive(pid: int) -> bool:
+    """Whether a process with this id exists. A child that has ended counts until it has been waited for."""
+    if sys.platform == "win32":  # os.kill(pid, 0) would end the process
+        import ctypes
+
+        synchronize, timeout = 0x00100000, 0x00000102
+        kernel = ctypes.windll.kernel32
+        handle = kernel.OpenProcess(synchronize, False, pid)
+        alive = bool(handle) and kernel.WaitForSingleObject(handle, 0) == timeout
+        if handle:
+            kernel.CloseHandle(handle)
+        return alive
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:  # it belongs to another user
+        return True
+    return True
+
+
+def lower_priority(steps: int) -> None:
+    """Lower this process's priority by `steps` of niceness; no effect on Windows."""
+    if sys.platform != "win32":
+        os.nice(steps)
