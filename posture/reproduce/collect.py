@@ -19,7 +19,7 @@ from posture.analysis.trajectory import Trajectory
 from posture.cli.jobs import Job
 from posture.cli.sweep import progress
 from posture.config.eval import EnvChanges, EvalConfig, EvaluationConfig
-from posture.config.published import read_published
+from posture.config.published import Published
 from posture.config.train import TrainConfig
 from posture.evaluation.trial import AS_TRAINED, is_current, origin
 from posture.learning import policy
@@ -37,7 +37,10 @@ WITH_REWARD_OPTIMUM = ("frequency", "energy", "load", "hip_stiffness")
 
 
 def collect(
-    trained: Mapping[str, Sequence[Job]], evaluated: Mapping[str, Sequence[Job]], search: tuple[float, float]
+    trained: Mapping[str, Sequence[Job]],
+    evaluated: Mapping[str, Sequence[Job]],
+    search: tuple[float, float],
+    paper: Published,
 ) -> Reproduction | None:
     """Read the results of the jobs that are done, by experiment; None if no policy of Exp. 1 is done yet.
 
@@ -55,7 +58,7 @@ def collect(
     for name, trials in evaluated.items():
         results[name] = [result for job in policies for trial in trials for result in _of_trial(trial, job, left_out)]
     # Exp. 3 is compared at one frequency only: each optimum takes half a second.
-    at_one = {"hip_stiffness": read_published().experiment_3.freq_hz}
+    at_one = {"hip_stiffness": paper.experiment_3.freq_hz}
     for name in WITH_REWARD_OPTIMUM:
         results[name] = _with_reward_optimum(results.get(name, []), run, at_one.get(name))
     (ramp,) = evaluated["ramp"]
