@@ -23,8 +23,8 @@ from shared import write
 from posture.cli.jobs import CONF, plain
 from posture.config.play import PlayConfig
 from posture.config.reading import read
-from posture.play.pilot import candidates
-from posture.play.server import opened
+from posture.play.policies import policy_choices
+from posture.play.server import running
 
 ARGUMENTS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 SETTLE_S = 8.0
@@ -44,45 +44,45 @@ def main() -> None:
     if chromium is None:
         sys.exit("no chromium on this machine")
     rows = []
-    with opened(config, candidates(config.ckpt, config.lqr)) as page, sync_playwright() as playwright:
+    with running(config, policy_choices(config.ckpt, config.lqr)) as server, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=ARGUMENTS)
         windows = [browser.new_page(viewport={"width": 1280, "height": 800}) for _ in range(arguments.visitors)]
         for window in windows:
-            window.goto(f"http://127.0.0.1:{page.port}")
-        while len(page.visits) < arguments.visitors:
+            window.goto(f"http://127.0.0.1:{server.port}")
+        while len(server.visitors) < arguments.visitors:
             windows[0].wait_for_timeout(100)
-        visits = list(page.visits.values())
+        visitors = list(server.visitors.values())
         for state in ("held", "ramp", "lqr in a ramp"):
-            for visit in visits:
-                with visit._lock:
+            for visitor in visitors:
+                with visitor.lock:
                     if state == "lqr in a ramp":
-                        visit.session.choose("lqr")
-                    visit.session.set(freq=0.3)
-                    visit.session.reset()
-                    visit.session.ramp(0 if state == "held" else 1)
+                        visitor.session.choose("lqr")
+                    visitor.session.set(freq=0.3)
+                    visitor.session.reset()
+                    visitor.session.ramp(0 if state == "held" else 1)
             windows[0].wait_for_timeout(1000 * SETTLE_S)
-            rows.append({"state": state, "visitors": arguments.visitors} | measure(visits, windows, arguments.seconds))
+            rows.append({"state": state, "visitors": arguments.visitors} | measure(visitors, windows, arguments.seconds))
             print(rows[-1], flush=True)
         browser.close()
     write(rows, arguments.csv)
 
 
-def measure(visits: list[Any], windows: list[Any], seconds: float) -> dict[str, Any]:
+def measure(visitors: list[Any], windows: list[Any], seconds: float) -> dict[str, Any]:
     """One row; of several visitors the slowest."""
     count = (
         "new Promise(r => {let n = 0; const t = performance.now(); const f = () => {n++; const d = performance.now() - t; "
     )
     count += f"d > {1000 * seconds} ? r(1000 * n / d) : requestAnimationFrame(f)}}; f()}})"
-    before = [(visit.session.time, visit.frames) for visit in visits]
+    before = [(visitor.session.time, visitor.frames) for visitor in visitors]
     wall, own, load = time.monotonic(), time.process_time(), os.getloadavg()[0]
     drawn = windows[0].evaluate(count)
     took = time.monotonic() - wall
     return {
-        "real_time_factor": round(min((v.session.time - b[0]) / took for v, b in zip(visits, before, strict=True)), 3),
-        "frames_sent_per_s": round(min((v.frames - b[1]) / took for v, b in zip(visits, before, strict=True)), 1),
+        "real_time_factor": round(min((v.session.time - b[0]) / took for v, b in zip(visitors, before, strict=True)), 3),
+        "frames_sent_per_s": round(min((v.frames - b[1]) / took for v, b in zip(visitors, before, strict=True)), 1),
         "frames_drawn_per_s": round(drawn, 1),
         "cpu_percent": round(100 * (time.process_time() - own) / took, 1),
-        "falls": sum(visit.session.falls for visit in visits),
+        "falls": sum(visitor.session.falls for visitor in visitors),
         "load_average": round(load, 1),
         "cores": os.cpu_count(),
     }

@@ -32,12 +32,12 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
         from posture.evaluation.trial import evaluate_lqr
 
         folder = out or Path(run_dir.folder_for(str(run_dir.RUNS), None)) / "evaluation"
-        evaluate_lqr(config.lqr, config.evaluation, config.env, config.paper, config.device, folder)
+        evaluate_lqr(config.lqr, config.evaluation, config.env, config.device, folder)
         return
     in_experiment = entry.in_sweep() and entry.experiment() is not None
     models = run_dir.find_checkpoints(config.ckpt, only_current if in_experiment else None)
     runs = [run_dir.read_config(model.parent) for model in models]
-    from posture.learning.policy import load_policy
+    from posture.learning.networks import load_policy
 
     for model, run in zip(models, runs, strict=True):
         load_policy(checkpoint.load(model, "cpu"), run, model, "cpu")

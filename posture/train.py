@@ -11,8 +11,9 @@ from posture.cli import entry
 from posture.config.device import check_device, check_engine
 from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
-from posture.learning import parallel, policy
+from posture.learning import parallel
 from posture.learning.progress import preparing
+from posture.learning.resume import iterations_done
 from posture.storage import atomic, provenance, run_dir
 from posture.storage.lock import locked
 
@@ -33,7 +34,7 @@ def _train(config: TrainConfig, folder: Path) -> None:
     if config.resume is not None:
         config = _resumed(config, folder)
     begun = config.resume is not None or (folder / "resume.pt").exists()
-    done = policy.iterations_done(folder) if begun else 0
+    done = iterations_done(folder) if begun else 0
     if done < config.max_iterations:
         with parallel.worker_processes(config.processes, config.device, _learn, config, folder, done > 0):
             _learn(config, folder, done > 0)
@@ -93,7 +94,7 @@ def _resumed(config: TrainConfig, folder: Path) -> TrainConfig:
         check_engine(merged.env.physics, merged.device)
     except ValueError as error:
         raise ConfigError(str(error)) from None
-    done = policy.iterations_done(folder)
+    done = iterations_done(folder)
     if merged.max_iterations <= done:
         raise ConfigError(
             f"max_iterations = {merged.max_iterations}: {folder} has already done {done}; it is a total, so give a larger "

@@ -23,6 +23,7 @@ from pydantic import BaseModel
 from posture.cli import jobs, signals, sweep
 from posture.cli.ranges import expand_ranges
 from posture.config.errors import ConfigError, RunError
+from posture.config.published import CONF
 from posture.config.reading import read
 
 Config = TypeVar("Config", bound=BaseModel)
@@ -47,7 +48,7 @@ def _run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) ->
     try:
         command = jobs.check(name, kind, _expanded(sys.argv[1:]))
         sys.argv[1:] = command.argv
-        start = hydra.main(version_base="1.3", config_path=str(jobs.CONF), config_name=name)
+        start = hydra.main(version_base="1.3", config_path=str(CONF), config_name=name)
         if command.launcher is None:
             start(lambda composed: _alone(kind, task, composed))()
             return

@@ -29,13 +29,11 @@ from pydantic import BaseModel
 from posture.cli.ranges import override_slug
 from posture.config.device import check_device
 from posture.config.errors import ConfigError
+from posture.config.published import CONF, without_published
 from posture.config.reading import read
 from posture.config.train import TrainConfig
 from posture.storage import run_dir
 from posture.storage.code_version import envs_version
-
-_POSTURE = Path(__file__).resolve().parents[1]
-CONF = next(folder for folder in (_POSTURE / "conf", _POSTURE.parent / "conf") if folder.is_dir())
 
 DECIDES_THE_POLICY = {"env", "agent", "seed", "processes", "max_iterations"}
 """The keys of a training that its policy depends on."""
@@ -107,11 +105,11 @@ def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
 
 
 def plain(composed: DictConfig) -> dict[str, Any]:
-    """The composed configuration, without Hydra's own part, as plain values."""
+    """The composed configuration, without Hydra's own part and the published numbers, as plain values."""
     own = OmegaConf.masked_copy(composed, [str(key) for key in composed if key != "hydra"])
     values = OmegaConf.to_container(own, resolve=True)
     assert isinstance(values, dict)
-    return {str(key): value for key, value in values.items()}
+    return without_published({str(key): value for key, value in values.items()})
 
 
 def sweep_folder(parent: str, experiment: str | None) -> str:

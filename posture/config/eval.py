@@ -19,7 +19,6 @@ from envs.config import (
 )
 from posture.config.device import check_engine
 from posture.config.fields import PathText, Tolerance
-from posture.config.published import Paper
 
 MAX_SAMPLES = 10_000_000
 """Control steps times worlds of one evaluation: what is recorded of so many takes some gigabytes of memory."""
@@ -70,7 +69,6 @@ class EvalConfig(Strict):
     again: bool
     env: EnvChanges
     evaluation: EvaluationConfig
-    paper: Paper
 
     @model_validator(mode="after")
     def _consistent(self) -> "EvalConfig":

@@ -8,7 +8,6 @@ from envs.config import Strict
 from posture.config.device import check_engine
 from posture.config.eval import EnvChanges, EvaluationConfig
 from posture.config.fields import PathText
-from posture.config.published import Paper
 
 
 class ExportConfig(Strict):
@@ -21,7 +20,6 @@ class ExportConfig(Strict):
     in_degrees: bool
     env: EnvChanges
     evaluation: EvaluationConfig
-    paper: Paper
 
     @model_validator(mode="after")
     def _consistent(self) -> "ExportConfig":

@@ -8,7 +8,6 @@ from envs.config import Freq, Ramp, Seconds, Strict
 from posture.config.device import check_engine
 from posture.config.eval import EnvChanges
 from posture.config.fields import PathText
-from posture.config.published import Paper
 
 FRAMES_A_CYCLE = 4
 """With fewer the eye sees another motion than the one that is filmed."""
@@ -39,7 +38,6 @@ class FilmConfig(Strict):
     longest: Seconds
     fps: Annotated[float, Field(ge=5, le=50)]
     width: Annotated[int, Field(ge=60, le=1920, multiple_of=2)]
-    paper: Paper
 
     @model_validator(mode="after")
     def _consistent(self) -> "FilmConfig":

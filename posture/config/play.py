@@ -7,16 +7,15 @@ from pydantic import Field, model_validator
 from envs.config import Amplitude, AnkleStiffness, Freq, HipStiffness, Load, Strict
 from posture.config.eval import EvaluationConfig, LqrConfig
 from posture.config.fields import PathText, Share, Tolerance
-from posture.config.published import Paper
 
 Step = Annotated[float, Field(gt=0, le=1000)]
 Force = Annotated[float, Field(gt=0, le=10_000)]
 
-KNOBS = ("freq", "hip_k", "ankle_k", "load", "amplitude", "tolerance")
+SETTINGS = ("freq", "hip_k", "ankle_k", "load", "amplitude", "tolerance")
 
 
 class Sliders(Strict):
-    """[from, to, step] of each knob, in its unit."""
+    """[from, to, step] of each setting, in its unit."""
 
     freq: tuple[Freq, Freq, Step]
     hip_k: tuple[HipStiffness, HipStiffness, Step]
@@ -27,7 +26,7 @@ class Sliders(Strict):
 
     @model_validator(mode="after")
     def _ordered(self) -> "Sliders":
-        for name in KNOBS:
+        for name in SETTINGS:
             low, high, step = getattr(self, name)
             if not low < high or step > high - low:
                 raise ValueError(f"sliders.{name}: goes from low to high in steps between, got {[low, high, step]}")
@@ -85,11 +84,10 @@ class PlayConfig(Strict):
     recording: Recording
     lqr: LqrConfig
     evaluation: EvaluationConfig
-    paper: Paper
 
     @model_validator(mode="after")
     def _within_the_sliders(self) -> "PlayConfig":
-        for name in KNOBS:
+        for name in SETTINGS:
             low, high, _ = getattr(self.sliders, name)
             value = getattr(self, name)
             if value is not None and not low <= value <= high:

@@ -1,15 +1,22 @@
-"""The published numbers of conf/paper.yaml, typed and checked: tables and curves stand beside them and compare with them.
+"""The published numbers of conf/paper.yaml, typed and checked.
 
-`amplitude` is half the peak-to-peak value. Lists of one table belong together, entry by entry.
+`amplitude` is half the peak-to-peak value. The lists of a table belong together, entry by entry.
 """
 
+from functools import cache
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+import yaml
+from pydantic import Field, model_validator
 
 from envs.config import Amplitude, AnkleStiffness, Freq, HipStiffness, Load, Seconds, Steps, Strict
 from posture.config.errors import ConfigError
 from posture.config.reading import read
+
+_POSTURE = Path(__file__).resolve().parents[1]
+CONF = next(folder for folder in (_POSTURE / "conf", _POSTURE.parent / "conf") if folder.is_dir())
+"""Folder of all configuration files: inside the package where it is installed, beside it in a checkout."""
 
 Mode = Literal["in", "anti"]
 Quantity = Annotated[float, Field(gt=0, le=1e9)]
@@ -26,8 +33,8 @@ class Columns(Strict):
     def _equally_long(self) -> "Columns":
         lengths = {name: len(value) for name, value in self if isinstance(value, tuple)}
         if len(set(lengths.values())) > 1 or 0 in lengths.values():
-            told = ", ".join(f"{name} has {length}" for name, length in lengths.items())
-            raise ValueError(f"columns must be equally long and not empty: {told}")
+            found = ", ".join(f"{name} has {length}" for name, length in lengths.items())
+            raise ValueError(f"columns must be equally long and not empty: {found}")
         return self
 
 
@@ -132,12 +139,23 @@ class Published(Strict):
     figure_13: Figure13
 
 
-def _checked(values: dict[str, Any]) -> dict[str, Any]:
-    try:
-        return read(Published, values).model_dump(mode="json")
-    except ConfigError as error:
-        raise ValueError(str(error)) from None
+@cache
+def read_published() -> Published:
+    """The numbers of conf/paper.yaml."""
+    return read(Published, _values(), str(CONF / "paper.yaml"))
 
 
-Paper = Annotated[dict[str, Any], AfterValidator(_checked)]
-"""`Published` as plain numbers, strings, lists and dicts, which is how the readers of tables take it."""
+def without_published(values: dict[str, Any]) -> dict[str, Any]:
+    """A composed configuration without `paper`, which is in it only for other keys to refer to.
+
+    Raises ConfigError if the command line changed a published number: no command reads them from there.
+    """
+    if values.get("paper", _values()) != _values():
+        raise ConfigError("paper: published numbers cannot be changed on the command line; they are in conf/paper.yaml")
+    return {key: value for key, value in values.items() if key != "paper"}
+
+
+@cache
+def _values() -> dict[str, Any]:
+    values: dict[str, Any] = yaml.safe_load((CONF / "paper.yaml").read_text(encoding="utf-8"))
+    return values

@@ -6,7 +6,6 @@ from pydantic import Field, model_validator
 
 from envs.config import Amplitude, Freq, HipStiffness, Strict
 from posture.config.fields import PathText
-from posture.config.published import Paper
 
 Stage = Literal["train", "evaluate", "report", "ship"]
 Share = Annotated[float, Field(gt=0, le=1)]
@@ -96,7 +95,6 @@ class ReproduceConfig(Strict):
     search: tuple[Freq, Freq]
     overrides: tuple[str, ...]
     report: ReportConfig
-    paper: Paper
 
     @model_validator(mode="after")
     def _consistent(self) -> "ReproduceConfig":

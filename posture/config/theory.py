@@ -7,7 +7,6 @@ from pydantic import Field, model_validator
 from envs.config import AnkleStiffness, EnvConfig, Freq, HipStiffness, Load, Strict
 from posture.config.eval import EvaluationConfig
 from posture.config.fields import PathText, Tolerance
-from posture.config.published import Paper
 
 MAX_VALUES = 10_000
 """Points of a table or of the map: each is an optimisation of some milliseconds."""
@@ -57,7 +56,6 @@ class TheoryConfig(Strict):
     experiment_4b: Experiment4b
     figure_13: Figure13
     around: Around
-    paper: Paper
 
     @property
     def head_tolerance(self) -> float:

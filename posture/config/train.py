@@ -9,7 +9,6 @@ from posture.config.agent import AgentConfig
 from posture.config.device import check_engine
 from posture.config.eval import EvaluationConfig, check_trial
 from posture.config.fields import PathText
-from posture.config.published import Paper
 
 
 class TrainConfig(Strict):
@@ -25,7 +24,6 @@ class TrainConfig(Strict):
     max_iterations: Steps
     resume: PathText | None
     evaluate: bool
-    paper: Paper
 
     @model_validator(mode="after")
     def _consistent(self) -> "TrainConfig":

@@ -18,11 +18,12 @@ from posture.analysis.table import evaluation_columns, markdown_table, text_tabl
 from posture.config.device import check_engine
 from posture.config.errors import ConfigError
 from posture.config.eval import EnvChanges, EvaluationConfig, LqrConfig, check_trial
+from posture.config.published import read_published
 from posture.config.reading import read
 from posture.config.train import TrainConfig
 from posture.evaluation.lqr_policy import LqrController
 from posture.evaluation.rollout import Policy, rollout
-from posture.learning.policy import load_policy
+from posture.learning.networks import load_policy
 from posture.learning.progress import preparing
 from posture.storage import checkpoint, provenance, run_dir, yaml_files
 from posture.storage.atomic import replacing
@@ -61,14 +62,14 @@ def evaluate(
     trial = trial_config(run.env, evaluation, changes, device)
     if not again and is_current(out, model, run, evaluation, changes, device):
         rows = read_csv(out / "metrics.csv")
-        print(text_table(rows, evaluation_columns(rows, published(run.paper, trial))))
+        print(text_table(rows, evaluation_columns(rows, published(trial))))
         print(f"evaluated before: {out}")
         return rows
     with preparing():
         env = HeadTrackingEnv(trial, run.seed, device)
         policy = load_policy(content, run, model, env.sim.device)
         env.warm_up()
-    return analyse(env, policy, evaluation, run.paper, out, _about(model, run))
+    return analyse(env, policy, evaluation, out, _about(model, run))
 
 
 def is_current(
@@ -89,12 +90,12 @@ def _about(model: Path, run: TrainConfig) -> dict[str, Any]:
         "envs_version": envs_version(),
         "analysis_version": analysis_version(),
         "versions": provenance.versions(),
-        "window_steps": run.paper["experiment_4a"]["window_steps"],
+        "window_steps": read_published().experiment_4a.window_steps,
     }
 
 
 def evaluate_lqr(
-    config: LqrConfig, evaluation: EvaluationConfig, changes: EnvChanges, paper: dict[str, Any], device: str, out: Path
+    config: LqrConfig, evaluation: EvaluationConfig, changes: EnvChanges, device: str, out: Path
 ) -> list[Result]:
     """Evaluate the model-based controller; see `analyse`. Raises ConfigError where its motion cannot be planned."""
     trial = trial_config(config.env, evaluation, changes, device)
@@ -109,14 +110,13 @@ def evaluate_lqr(
         env.warm_up()
     controller = LqrController(env, motions, config, evaluation.duration)
     about = {"policy": "lqr", "lqr": config.model_dump(mode="json", exclude={"env"})}
-    return analyse(env, controller, evaluation, paper, out, about)
+    return analyse(env, controller, evaluation, out, about)
 
 
 def analyse(
     env: HeadTrackingEnv,
     policy: Policy,
     evaluation: EvaluationConfig,
-    paper: dict[str, Any],
     out: Path,
     about: dict[str, Any],
 ) -> list[Result]:
@@ -135,7 +135,7 @@ def analyse(
         still_joint_deg=evaluation.still_joint_deg,
     )
     if env.config.ramp is not None:
-        ramp, steps = env.config.ramp, int(paper["experiment_4a"]["window_steps"])
+        ramp, steps = env.config.ramp, read_published().experiment_4a.window_steps
         still = math.radians(evaluation.still_joint_deg)
         found = transitions(trajectory, ramp.start, ramp.rate, ramp.duration, steps, still)
         rows = [replace(row, ramp=at) for row, at in zip(rows, found, strict=True)]
@@ -144,7 +144,7 @@ def analyse(
     (out / "trial.yaml").unlink(missing_ok=True)  # what it says is about to be untrue
     trajectory.save(out / "trajectories.npz")
     write_csv(rows, out / "metrics.csv")
-    comparable = published(paper, env.config)
+    comparable = published(env.config)
     columns = evaluation_columns(rows, comparable)
     with replacing(out / "table.md") as temporary:
         temporary.write_text(markdown_table(rows, columns) + "\n", encoding="utf-8")
@@ -186,11 +186,11 @@ def origin(run: TrainConfig, changes: EnvChanges, name: str) -> Origin:
     )
 
 
-def published(paper: dict[str, Any], env: EnvConfig) -> dict[str, Any]:
+def published(env: EnvConfig) -> dict[str, Any]:
     """The published numbers that were measured under the conditions of `env`: ours stand beside nothing else."""
     return {
         name: table
-        for name, table in paper.items()
+        for name, table in read_published().model_dump(mode="json").items()
         if all(getattr(env, key) == value for key, value in table.get("condition", {}).items())
     }
 

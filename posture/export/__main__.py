@@ -17,7 +17,7 @@ from posture.config.errors import ConfigError
 from posture.config.export import ExportConfig
 from posture.config.train import TrainConfig
 from posture.export import onnx_policy
-from posture.learning.policy import load_policy
+from posture.learning.networks import load_policy
 from posture.storage import checkpoint, run_dir, yaml_files
 
 

@@ -14,12 +14,13 @@ from posture.analysis.ramp import ramp_frequency
 from posture.analysis.trajectory import Trajectory
 from posture.config.eval import EnvChanges
 from posture.config.film import FilmConfig
+from posture.config.published import read_published
 from posture.config.train import TrainConfig
 from posture.evaluation.rollout import rollout
 from posture.evaluation.trial import trial_config
 from posture.film.motion import at_frames, running_correlation
 from posture.film.scene import Film, Ramp, TwoModes
-from posture.learning.policy import load_policy
+from posture.learning.networks import load_policy
 from posture.learning.progress import preparing
 from posture.storage import checkpoint
 
@@ -55,7 +56,7 @@ def ramp(config: FilmConfig, model: Path, run: TrainConfig) -> Film:
     motion = at_frames(trial, 0, freq, centred, 0.0, time)
     trace = at_frames(trial, 0, math.nan, centred, 0.0, trial.time)
     late = np.interp(time, trial.time, trailing)
-    paper_hz = float(config.paper["experiment_4a"]["transition_hz"])
+    paper_hz = read_published().experiment_4a.transition_hz
     return Ramp(motion, late, trace, window, config.width, *_target(config, run), paper_hz)
 
 
@@ -74,9 +75,9 @@ def _rolled_out(config: FilmConfig, model: Path, run: TrainConfig, told: RampCon
 
 def _window(config: FilmConfig, run: TrainConfig) -> tuple[int, float]:
     """Of the running correlation: its steps, and the motion [rad] below which a joint is still."""
-    return int(config.paper["experiment_4a"]["window_steps"]), math.radians(run.evaluation.still_joint_deg)
+    return read_published().experiment_4a.window_steps, math.radians(run.evaluation.still_joint_deg)
 
 
 def _target(config: FilmConfig, run: TrainConfig) -> tuple[float, float]:
     """Height of the target, and how far it goes [m]."""
-    return float(config.paper["table_1"]["target_height_m"]), 2 * (config.env.amplitude or run.env.amplitude)
+    return read_published().table_1.target_height_m, 2 * (config.env.amplitude or run.env.amplitude)

@@ -1,7 +1,5 @@
-"""Shows how a training goes: one live line on a terminal, a plain line now and then elsewhere."""
+"""Shows how a training goes: one live line on a terminal, and a plain line every ten seconds elsewhere."""
 
-import shutil
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -9,15 +7,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
 PLAIN_EVERY_S = 10.0
-"""Seconds between two plain lines; a log of a long run stays readable."""
-WATCH_EVERY_S = 0.5
-"""Seconds between two looks at Warp's kernel cache, which grows while it compiles."""
+"""Time between two plain lines [s]."""
+CACHE_POLL_S = 0.5
+"""Time between two looks at Warp's kernel cache, which grows while Warp compiles [s]."""
 
 
 @dataclass(frozen=True)
 class Status:
-    """What one training iteration reports."""
+    """State of the training after one iteration; no reward and episode length before the first episode has ended."""
 
     iteration: int
     total: int
@@ -30,56 +32,42 @@ class Status:
     seconds_left: float
 
     def __str__(self) -> str:
-        reward, length, left = self._common()
-        return (
-            f"iteration {self.iteration}/{self.total} | {self.steps_per_s:,.0f} steps/s | reward {reward} | "
-            f"episode {length} steps | error {self.error_mm:.1f} mm | cost {self.cost:.3f} | "
-            f"lr {self.learning_rate:.1e} | {left} left"
-        )
-
-    @property
-    def short(self) -> str:
-        """The same in fewer than 80 characters."""
-        reward, length, left = self._common()
-        return (
-            f"{self.iteration}/{self.total} {self.steps_per_s / 1e3:.1f}k/s rew {reward} ep {length} "
-            f"err {self.error_mm:.1f}mm cost {self.cost:.3f} lr {self.learning_rate:.0e} {left} left"
-        )
-
-    def _common(self) -> tuple[str, str, str]:
-        """Mean reward and episode length, a dash before the first episode has ended, and the time left as m:ss."""
+        """One line; its first 79 characters hold all but episode length and learning rate."""
         minutes, seconds = divmod(round(self.seconds_left), 60)
         reward = "-" if self.reward is None else f"{self.reward:.4g}"
-        length = "-" if self.episode_length is None else f"{self.episode_length:.0f}"
-        return reward, length, f"{minutes}:{seconds:02d}"
+        length = "-" if self.episode_length is None else f"{self.episode_length:.0f} steps"
+        return (
+            f"{self.iteration}/{self.total}, {minutes}:{seconds:02d} left, {self.steps_per_s / 1e3:.1f}k steps/s, "
+            f"reward {reward}, error {self.error_mm:.1f} mm, cost {self.cost:.3f}, "
+            f"episode {length}, learning rate {self.learning_rate:.1e}"
+        )
 
 
-class Progress:
-    """Prints `Status` lines to stdout."""
+class ProgressLine:
+    """Prints the newest `Status` to stdout."""
 
     def __init__(self) -> None:
-        self._live = sys.stdout.isatty()
-        self._width = 0
-        self._last = float("-inf")
+        self._console = Console()
+        self._live = Live(console=self._console, auto_refresh=False)
+        self._next_plain = 0.0
 
     def show(self, status: Status) -> None:
-        """Show the newest status; the last iteration is always shown."""
-        final = status.iteration >= status.total
-        line = str(status)
-        if self._live:
-            # A line that wraps could not be overwritten.
-            room = shutil.get_terminal_size().columns - 1
-            line = (line if len(line) <= room else status.short)[:room]
-            print("\r" + line.ljust(self._width), end="\n" if final else "", flush=True)
-            self._width = len(line)
-        elif final or time.monotonic() - self._last >= PLAIN_EVERY_S:
-            self._last = time.monotonic()
-            print(line, flush=True)
+        """Show `status`; the last iteration is always shown."""
+        if self._console.is_terminal:
+            self._live.start()
+            self._live.update(Text(str(status), no_wrap=True, overflow="ellipsis"), refresh=True)
+        elif status.iteration >= status.total or time.monotonic() >= self._next_plain:
+            self._next_plain = time.monotonic() + PLAIN_EVERY_S
+            print(status, flush=True)
+
+    def close(self) -> None:
+        """Leave the last live line as it is, and continue below it."""
+        self._live.stop()
 
 
 @contextmanager
 def preparing() -> Iterator[None]:
-    """While the body of this `with` runs, say so once if Warp compiles kernels, which takes up to a minute."""
+    """While the block runs, print one line if Warp compiles kernels, which takes up to a minute."""
     import warp
 
     warp.init()
@@ -88,7 +76,7 @@ def preparing() -> Iterator[None]:
     done = threading.Event()
 
     def watch() -> None:
-        while not done.wait(WATCH_EVERY_S):
+        while not done.wait(CACHE_POLL_S):
             if _entries(cache) > before:
                 print("compiling kernels, first run only", flush=True)
                 return

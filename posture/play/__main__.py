@@ -1,4 +1,4 @@
-"""A page on this machine where one plays with a stander, live: sliders, a push, and the mode named as it switches.
+"""A page on this machine with a live stander: sliders, pushes, and the present mode.
 
 python -m posture.play                                   # the shipped policy; prints the address of the page
 python -m posture.play ckpt=runs/<run> port=8090
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 
 
 def play(config: PlayConfig, _folder: Path) -> None:
-    """Serve the page until Ctrl-C, or write a recording. Raises ConfigError where viser is not installed."""
+    """Serve the page until Ctrl-C, or write a recording. Raises ConfigError if viser is not installed."""
     from importlib.util import find_spec
 
     from posture.config.errors import ConfigError
 
     if find_spec("viser") is None:
         raise ConfigError("the page needs viser: python -m pip install -c constraints.txt -e '.[play]'")
-    # Only now, so that bad input is answered before physics takes seconds to import.
+    # Imported here because they are slow.
     if config.record is not None:
-        from posture.play.record import record
+        from posture.play.recording import record
 
         record(config, Path(config.record))
         return
@@ -37,9 +37,9 @@ def play(config: PlayConfig, _folder: Path) -> None:
 
 
 def main() -> None:
-    """The command `python -m posture.play`; Ctrl-C ends it with exit code 130, SIGTERM with 143, while it starts, too."""
+    """The command `python -m posture.play`; Ctrl-C ends it with exit code 130, SIGTERM with 143, also during start-up."""
     with signals.handled():
-        # Only now: these take seconds, in which Ctrl-C must work.
+        # Imported here because they are slow, and Ctrl-C must work meanwhile.
         from posture.cli import entry
         from posture.config.play import PlayConfig
 

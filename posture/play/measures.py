@@ -1,25 +1,62 @@
-"""What the page shows of the recent past: mode, cost, tracking; and the trail of the correlation over frequency."""
+"""The recent past of a session: its signals, and the mode, cost and tracking error computed from them."""
 
 from __future__ import annotations
 
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from posture.analysis.coordination import mode
 from posture.analysis.ramp import window_correlation
-from posture.play.history import History
+from posture.analysis.trajectory import Array
+
+SIGNALS = ("time", "freq", "hip", "ankle", "target", "head", "cop", "cost")
+
+
+class History:
+    """The last `capacity` samples of each signal, evenly spaced in time.
+
+    time [s]; freq [Hz]; hip, ankle [rad], flexion and forward lean negative; target, head [m] along x; cop [m] in the foot
+    frame, nan if the feet carry no load; cost [-], sum over the four joints of (tau / limit)^2.
+    """
+
+    def __init__(self, capacity: int) -> None:
+        self.capacity = capacity
+        # Twice the capacity: the last samples are always one slice, and are moved to the front only when it is full.
+        self._rows = np.empty((2 * capacity, len(SIGNALS)))
+        self._end = 0
+
+    def __len__(self) -> int:
+        return min(self._end, self.capacity)
+
+    def append(self, *sample: float) -> None:
+        """Add one sample, in the order of SIGNALS."""
+        if self._end == len(self._rows):
+            self._rows[: self.capacity] = self._rows[self.capacity :]
+            self._end = self.capacity
+        self._rows[self._end] = sample
+        self._end += 1
+
+    def last(self, signal: str, count: int) -> Array:
+        """The last `count` samples of `signal`, fewer if there are fewer. (n,)."""
+        count = min(count, len(self))
+        return self._rows[self._end - count : self._end, SIGNALS.index(signal)]
+
+    def clear(self) -> None:
+        """Remove all samples."""
+        self._end = 0
 
 
 @dataclass(frozen=True)
 class Measures:
-    """Over the window that ends now, nan where it is not full.
+    """Measures over the window that ends now, nan until the window is full.
 
-    window [s]. freq: mean frequency [Hz]. r: hip-ankle correlation [-], nan where a joint hardly moves. cost [-]: mean of
-    the sum over the four joints of (tau / limit)^2, over the whole cycles in the window. error [m]: root mean square of head
-    from target. beyond: share of time with the head beyond the tolerance, 0 .. 1.
+    window: length [s]. freq: mean frequency [Hz]. r: hip-ankle correlation [-], nan if a joint hardly moves. cost [-]: mean
+    of the sum over the four joints of (tau / limit)^2, over the whole cycles in the window. error: root-mean-square distance
+    of head and target [m]. beyond: share of time with the head outside the tolerance, 0 .. 1.
     """
 
     window: float
@@ -36,8 +73,9 @@ class Measures:
 
 
 def measure(history: History, dt: float, window_steps: int, still_rad: float, tolerance: float) -> Measures:
-    """Over `window_steps` control steps of `dt` [s], or over one cycle of the target where that is longer: a part of a slow
-    cycle has a correlation of its own. A joint that moves less than `still_rad` [rad] has no mode."""
+    """Measures over `window_steps` control steps of `dt` [s], or over one cycle of the target if that is longer: the
+    correlation over part of a cycle differs from that of the cycle. A joint that moves less than `still_rad` [rad] gives
+    no mode."""
     freq = float(history.last("freq", 1)[-1]) if len(history) else math.nan
     count = window_steps if math.isnan(freq) else max(window_steps, math.ceil(1 / (freq * dt)))
     if len(history) < count:
@@ -56,16 +94,23 @@ def measure(history: History, dt: float, window_steps: int, still_rad: float, to
     )
 
 
+class TrailPoint(NamedTuple):
+    """freq [Hz]; r: hip-ankle correlation [-]; direction of the frequency: 1 rising, -1 falling, 0 constant."""
+
+    freq: float
+    r: float
+    direction: int
+
+
 class Trail:
-    """Where the correlation has been over frequency: rising, falling, or held. Hysteresis shows where the first two part."""
+    """Correlation against frequency over the past. Hysteresis shows as a distance of the rising from the falling points."""
 
     LENGTH = 600
 
     def __init__(self) -> None:
-        self.points: deque[tuple[float, float, int]] = deque(maxlen=self.LENGTH)
-        """(frequency [Hz], correlation [-], 1 rising, -1 falling, 0 held)"""
+        self.points: deque[TrailPoint] = deque(maxlen=self.LENGTH)
 
-    def add(self, measures: Measures, ramping: int) -> None:
-        """Add a point, where the mode is defined."""
+    def add(self, measures: Measures, direction: int) -> None:
+        """Add a point if the correlation is defined."""
         if not math.isnan(measures.r):
-            self.points.append((measures.freq, measures.r, ramping))
+            self.points.append(TrailPoint(measures.freq, measures.r, direction))

@@ -1,210 +1,169 @@
-"""What the page draws beside the body: numbers and pictures as HTML and SVG; pure functions, measures in, text out."""
+"""Numbers and charts of the page, in a panel of viser. Numbers are small HTML, charts are viser's uPlot.
+
+uPlot draws a line across nan and wants ascending x, so curves with gaps and closed curves are drawn as points.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from html import escape
 
 import numpy as np
+import viser
+from viser import uplot
 
 from posture.analysis.trajectory import Array
-from posture.drawing.style import BLUE, FALL_COLOUR, GREY, MODE_COLOUR, ORANGE
-from posture.play.measures import Measures
-from posture.play.theory import Least
+from posture.config.play import PlayConfig
+from posture.drawing.style import ANKLE_COLOUR, BLUE, FALL_COLOUR, GREY, HIP_COLOUR, MODE_COLOUR, ORANGE
+from posture.play.measures import Measures, TrailPoint
+from posture.play.session import Session
+from posture.play.theory_worker import LeastCost
 
-RISING, FALLING = ORANGE, BLUE
-SQUARE, MARGIN = 170, 26  # [px] of a square picture, and of its margin for labels
-TOPS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0)
-"""Ends of the axis of costs, the last what four joints at their limits cost."""
-STYLE = "font:12px system-ui,sans-serif;color:#222"
+SHORT_S, LONG_S = 10.0, 30.0
+"""[s] shown of the joint angles and the centre of pressure, and of the correlation and the cost."""
+SAMPLES = 200
+"""Largest number of samples of a signal in a chart."""
+FONT = "font:12px system-ui,sans-serif;color:#222"
+BLACK = "#333333"
+ANKLE_RANGE, HIP_RANGE = (-16.0, 8.0), (-40.0, 40.0)
+"""[deg]"""
+MODES = ("in-phase", "anti-phase")
+DIRECTION_COLOUR = {1: ORANGE, -1: BLUE, 0: GREY}
+DIRECTIONS = {1: "rising", -1: "falling", 0: "constant"}
+
+
+class Plots:
+    """Added to `gui`; `refresh` reads the session."""
+
+    def __init__(self, gui: viser.GuiApi, config: PlayConfig) -> None:
+        self._headline, self._numbers = gui.add_html(""), gui.add_html("")
+        ago, long_ago = (-SHORT_S, 0.0), (-LONG_S, 0.0)
+        modes = [_points(MODE_COLOUR[mode]) for mode in MODES]
+        directions = [_points(DIRECTION_COLOUR[direction]) for direction in DIRECTIONS]
+        r_range, freq_range = (-1.05, 1.05), (0.0, config.sliders.freq[1])
+        title = "hip (pink) and ankle (green) [deg], last 10 s"
+        self.angles = _chart(gui, title, [_line(HIP_COLOUR), _line(ANKLE_COLOUR)], ago)
+        title = "hip against ankle [deg], last cycle"
+        self.loop = _chart(gui, title, [*modes, _points(GREY), _points(BLACK, 9)], ANKLE_RANGE, HIP_RANGE)
+        title = "correlation against frequency [Hz]: rising (orange), falling (blue)"
+        self.trail = _chart(gui, title, [*directions, _line(BLACK, dash=(4, 3))], freq_range, r_range)
+        self.correlation = _chart(gui, "running correlation, last 30 s", modes, long_ago, r_range)
+        self.cost = _chart(gui, "cost (black) and least cost (grey)", [_points(GREY), _points(BLACK)], long_ago)
+        title = "centre of pressure between heel and toe [mm]"
+        self.pressure = _chart(gui, title, [_line(GREY), _line(GREY), _points(ORANGE)], ago)
+        self._past: list[tuple[float, float, float, float]] = []  # time, correlation, cost, least cost
+
+    def refresh(self, session: Session) -> None:
+        """Show the present state of the session."""
+        measures, theory, history = session.measures(), session.theory(), session.history
+        self._headline.content = headline(measures, session.fallen, session.paused, session.ramping, session.settings.freq)
+        self._numbers.content = numbers(measures, theory, session.message, session.falls, session.foot_drift)
+        cycle = math.ceil(1 / (session.settings.freq * session.dt))
+        self.loop.data = loop(history.last("ankle", cycle), history.last("hip", cycle), measures.mode)
+        self.trail.data = trail(list(session.trail.points), None if theory is None else theory.transition)
+        count = round(SHORT_S / session.dt)
+        every = max(1, count // SAMPLES)
+        signals = {name: history.last(name, count)[::-every][::-1] for name in ("time", "hip", "ankle", "cop")}
+        ago = signals["time"] - session.time
+        self.angles.data = _data(ago, np.degrees(signals["hip"]), np.degrees(signals["ankle"]))
+        heel, toe = (np.full(len(ago), end) for end in session.sole)
+        self.pressure.data = _data(ago, *(1e3 * values for values in (heel, toe, signals["cop"])))
+        if not self._past or session.time > self._past[-1][0]:  # not paused
+            least_cost = math.nan if theory is None else theory.at(measures.freq)
+            self._past.append((session.time, measures.r, measures.cost, least_cost))
+            self._past = [past for past in self._past if past[0] > session.time - LONG_S]
+        time, r, cost, least = np.array(self._past).T
+        self.correlation.data = _data(time - session.time, np.where(r > 0, r, np.nan), np.where(r < 0, r, np.nan))
+        self.cost.data = _data(time - session.time, least, cost)
 
 
 def headline(measures: Measures, fallen: bool, paused: bool, ramping: int, freq: float) -> str:
-    """The mode, large and in its colour, and the frequency it is at."""
+    """The mode, large and in its colour, and the frequency of the target."""
     mode = "fallen" if fallen else measures.mode
     colour = FALL_COLOUR if fallen else MODE_COLOUR[mode]
-    doing = "paused" if paused else {1: "rising", -1: "falling", 0: "held"}[ramping]
-    r = "hip and ankle hardly move together yet" if math.isnan(measures.r) else f"hip-ankle correlation {measures.r:+.2f}"
+    direction = "paused" if paused else DIRECTIONS[ramping]
+    r = "correlation not yet defined" if math.isnan(measures.r) else f"hip-ankle correlation {measures.r:+.2f}"
     return (
-        f'<div style="{STYLE};border-left:8px solid {colour};padding:2px 0 2px 10px;margin:0 0 6px">'
+        f'<div style="{FONT};border-left:8px solid {colour};padding:2px 0 2px 10px;margin:0 0 6px">'
         f'<div style="font-size:26px;font-weight:700;color:{colour};line-height:1.15" data-mode="{mode}">{mode}</div>'
         f"<div>{r}, over {measures.window:.1f} s</div>"
-        f"<div>target at <b>{freq:.3f} Hz</b>, {doing}</div></div>"
+        f"<div>target at <b>{freq:.3f} Hz</b>, {direction}</div></div>"
     )
 
 
-def numbers(measures: Measures, theory: Least | None, note: str, falls: int, crept: float) -> str:
-    """Cost against the least cost, where theory has the switch, tracking, and what else is to be said."""
+def numbers(measures: Measures, theory: LeastCost | None, message: str, falls: int, foot_drift: float) -> str:
+    """A table: transition frequency of the theory, cost and least cost, tracking error, drift and falls; the message."""
     if theory is None:
-        switch = least = ratio = "<i>computing…</i>"
+        transition = least = ratio = "<i>computing…</i>"
     else:
-        switch = "none" if theory.transition is None else f"{theory.transition:.3f} Hz"
+        transition = "none" if theory.transition is None else f"{theory.transition:.3f} Hz"
         value = theory.at(measures.freq)
-        known = math.isfinite(value)
-        least = f"{value:.4f}" if known else "no motion keeps foot and tolerance"
-        ratio = _number(measures.cost / value, ".2f") if known else "–"
-    rows = [
-        ("switch in theory, f*", switch),
-        ("cost Σ(τ/limit)²", _number(measures.cost, ".4f")),
-        ("least cost (theory)", least),
-        ("cost / least cost", ratio),
-        ("head from target, rms", _number(1e3 * measures.error, ".1f", " mm")),
-        ("beyond the tolerance", _number(100 * measures.beyond, ".0f", " % of time")),
-        ("feet crept / falls", f"{1e3 * crept:z.0f} mm / {falls}"),
-    ]
-    cells = "".join(
-        f"<tr><td>{name}</td><td style='text-align:right;font-weight:600'>{value}</td></tr>" for name, value in rows
-    )
-    said = f'<div style="color:{FALL_COLOUR}">{escape(note)}</div>' if note else ""
-    return f'<table style="{STYLE};width:calc(100% - 24px);margin-left:10px;border-collapse:collapse">{cells}</table>{said}'
+        least = f"{value:.4f}" if math.isfinite(value) else "no feasible motion"
+        ratio = _number(measures.cost / value, ".2f")
+    rows = {
+        "transition frequency f* (theory)": transition,
+        "cost Σ(τ/limit)²": _number(measures.cost, ".4f"),
+        "least cost (theory)": least,
+        "cost / least cost": ratio,
+        "tracking error (rms)": _number(1e3 * measures.error, ".1f", " mm"),
+        "head outside the tolerance": _number(100 * measures.beyond, ".0f", " % of time"),
+        "foot drift / falls": f"{1e3 * foot_drift:z.0f} mm / {falls}",
+    }
+    cells = "".join(f"<tr><td>{name}</td><td align='right'><b>{value}</b></td></tr>" for name, value in rows.items())
+    note = f'<div style="color:{FALL_COLOUR}">{escape(message)}</div>' if message else ""
+    return f'<table style="{FONT};width:calc(100% - 24px);margin-left:10px">{cells}</table>{note}'
 
 
-def angle_angle(hip: Array, ankle: Array, mode: str) -> str:
-    """Hip over ankle angle [rad], of the last cycle: rising to the right in-phase, falling anti-phase."""
-    x, y = np.degrees(ankle), np.degrees(hip)
-    box = _Box((-16.0, 8.0), (-40.0, 40.0))
-    if len(x):
-        # Room for what goes beyond, in steps, so that the scale does not breathe.
-        box = _Box(_room(x, -12.0, 6.0, 6.0), _room(y, -20.0, 20.0, 20.0))
-    drawn = box.line(x, y, MODE_COLOUR[mode], 1.6)
-    if len(x):
-        drawn += box.dot(x[-1], y[-1], MODE_COLOUR[mode])
-    return box.svg("ankle [deg]", "hip [deg]", drawn, "hip over ankle angle")
+def loop(ankle: Array, hip: Array, mode: str) -> tuple[Array, ...]:
+    """Ankle angle [deg], ascending; hip angle [deg] in the column of `mode` (in-phase, anti-phase, undefined); and the
+    present hip angle in the last column. It rises to the right in-phase and falls anti-phase."""
+    every = max(1, len(ankle) // SAMPLES)
+    # The newest first; angles out of range are drawn at the edge.
+    x, y = np.clip(np.degrees(ankle[::-every]), *ANKLE_RANGE), np.clip(np.degrees(hip[::-every]), *HIP_RANGE)
+    columns = [np.where(mode == name, y, np.nan) for name in (*MODES, "undefined")]
+    now = np.where(np.arange(len(x)) == 0, y, np.nan)
+    order = np.argsort(x)
+    return _data(x[order], *(column[order] for column in (*columns, now)))
 
 
-def hysteresis(points: Iterable[tuple[float, float, int]], transition: float | None, freqs: tuple[float, float]) -> str:
-    """Correlation over frequency [Hz] where it has been, rising and falling apart; a dashed line at f* of the theory."""
-    box = _Box((0.0, freqs[1]), (-1.0, 1.0))
-    drawn = ""
-    if transition is not None:
-        x = box.x(transition)
-        drawn += f'<path d="M{x:.1f} {box.y(1):.1f}V{box.y(-1):.1f}" stroke="#333" stroke-dasharray="4 3"/>'
-        drawn += f'<text x="{x + 3:.1f}" y="{box.y(-1) - 4:.1f}">f*</text>'
-    colours = {1: RISING, -1: FALLING, 0: GREY}
-    drawn += "".join(
-        f'<circle cx="{box.x(f):.1f}" cy="{box.y(r):.1f}" r="1.8" fill="{colours[way]}"/>' for f, r, way in points
-    )
-    top = box.y(1) - 6
-    drawn += f'<text x="{SQUARE - 84}" y="{top:.0f}" fill="{RISING}" font-weight="700">rising</text>'
-    drawn += f'<text x="{SQUARE - 42}" y="{top:.0f}" fill="{FALLING}" font-weight="700">falling</text>'
-    return box.svg("frequency [Hz]", "r", drawn, "correlation over frequency")
+def trail(points: list[TrailPoint], transition: float | None) -> tuple[Array, ...]:
+    """Frequency [Hz], ascending; correlation by `DIRECTIONS`; and a vertical line at `transition`."""
+    ends = [] if transition is None else [(transition, math.nan, math.nan, math.nan, end) for end in (-1.0, 1.0)]
+    rows = [(p.freq, *(p.r if p.direction == way else math.nan for way in DIRECTIONS), math.nan) for p in points]
+    table = np.array([*rows, *ends]).reshape(-1, 5)
+    return _data(*table[np.argsort(table[:, 0], kind="stable")].T)
 
 
-def foot(cop: Array, sole: tuple[float, float]) -> str:
-    """The centre of pressure within the foot: where it is, and how far it went of late. All [m], toes to the right."""
-    width, height = 2 * SQUARE, 58
-    heel, toe = sole
-    margin = 0.03
-    scale = width / (toe - heel + 2 * margin)
-
-    def x(place: float) -> float:
-        return (place - heel + margin) * scale
-
-    drawn = (
-        f'<rect x="{x(heel):.1f}" y="12" width="{(toe - heel) * scale:.1f}" height="22" rx="11" fill="#eee" stroke="#888"/>'
-        f'<text x="{x(heel):.1f}" y="50">heel {1e3 * heel:.0f}</text>'
-        f'<text x="{x(toe):.1f}" y="50" text-anchor="end">toe {1e3 * toe:.0f} mm</text>'
-        f'<text x="{x(0):.1f}" y="50" text-anchor="middle">ankle</text><path d="M{x(0):.1f} 34v5" stroke="#888"/>'
-    )
-    seen = cop[np.isfinite(cop)]
-    if len(seen):
-        low, high, now = float(seen.min()), float(seen.max()), float(seen[-1])
-        drawn += (
-            f'<rect x="{x(low):.1f}" y="19" width="{(high - low) * scale:.1f}" height="8" fill="{ORANGE}" opacity=".6"/>'
-        )
-        drawn += f'<circle cx="{x(now):.1f}" cy="23" r="6" fill="{FALL_COLOUR}"/>'
-        drawn += f'<text x="{width / 2}" y="8" text-anchor="middle">centre of pressure {1e3 * now:+.0f} mm</text>'
-    return _svg(width, height, drawn, "centre of pressure within the foot")
+def _data(*columns: Array) -> tuple[Array, ...]:
+    """Columns for a chart, which needs two samples or more."""
+    return tuple(x.astype(np.float64) if len(x) > 1 else np.full(2, np.nan) for x in columns)
 
 
-def strip(title: str, ago: Array, curves: list[tuple[Array, str]], span: float, up: tuple[float, float] | None) -> str:
-    """Curves (values, colour) over the last `span` [s]; `ago` [s], negative. A nan is a gap. up: its ends; None: from 0."""
-    width, height, left, top, bottom = 2 * SQUARE, 104, 34, 18, 86
-    if up is None:
-        known = np.concatenate([values[np.isfinite(values)] for values, _ in curves])
-        largest = float(known.max()) if len(known) else 0.0
-        up = (0.0, next((end for end in TOPS if end >= largest), TOPS[-1]))
-    low, high = up
-    x = left + (width - left - 8) * (1 + np.clip(ago, -span, 0) / span)
-    drawn = (
-        f'<path d="M{left} {top}V{bottom}H{width - 8}" fill="none" stroke="#999"/>'
-        f'<text x="{width / 2}" y="11" text-anchor="middle">{title}</text>'
-        f'<text x="{left - 3}" y="{bottom}" text-anchor="end">{low:g}</text>'
-        f'<text x="{left - 3}" y="{top + 8}" text-anchor="end">{high:g}</text>'
-        f'<text x="{left}" y="{bottom + 13}">-{span:g} s</text>'
-        f'<text x="{width - 8}" y="{bottom + 13}" text-anchor="end">now</text>'
-    )
-    if low < 0 < high:
-        middle = bottom + (bottom - top) * low / (high - low)
-        drawn += f'<path d="M{left} {middle:.1f}H{width - 8}" stroke="#ddd"/>'
-    for values, colour in curves:
-        y = bottom - (bottom - top) * (np.clip(values, low, high) - low) / (high - low)
-        path, pen = "", "M"
-        for a, b in zip(x, y, strict=True):
-            path, pen = (path + f"{pen}{a:.1f} {b:.1f}", "L") if math.isfinite(b) else (path, "M")
-        drawn += f'<path d="{path or "M0 0"}" fill="none" stroke="{colour}" stroke-width="2"/>'
-    return _svg(width, height, drawn, title)
+def _line(colour: str, dash: tuple[float, ...] = ()) -> uplot.Series:
+    return uplot.Series(label="", stroke=colour, width=2, dash=dash, points=uplot.Series_Points(show=False))
 
 
-def row(*pictures: str) -> str:
-    """Pictures side by side."""
-    return f'<div style="{STYLE};display:flex;flex-wrap:wrap;gap:4px;justify-content:center">{"".join(pictures)}</div>'
-
-
-class _Box:
-    """A square picture with an axis below and one to the left."""
-
-    def __init__(self, across: tuple[float, float], up: tuple[float, float]) -> None:
-        self._across, self._up = across, up
-
-    def x(self, value: float) -> float:
-        low, high = self._across
-        return MARGIN + (SQUARE - MARGIN - 6) * (min(max(value, low), high) - low) / (high - low)
-
-    def y(self, value: float) -> float:
-        low, high = self._up
-        return SQUARE - MARGIN - (SQUARE - MARGIN - 18) * (min(max(value, low), high) - low) / (high - low)
-
-    def line(self, x: Array, y: Array, colour: str, width: float) -> str:
-        every = max(1, len(x) // 200)
-        points = " ".join(f"{self.x(a):.1f},{self.y(b):.1f}" for a, b in zip(x[::-every], y[::-every], strict=True))
-        return f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="{width}"/>'
-
-    def dot(self, x: float, y: float, colour: str) -> str:
-        return f'<circle cx="{self.x(x):.1f}" cy="{self.y(y):.1f}" r="4" fill="{colour}"/>'
-
-    def svg(self, across: str, up: str, drawn: str, title: str) -> str:
-        left, right, bottom, top = self.x(self._across[0]), self.x(self._across[1]), self.y(self._up[0]), self.y(self._up[1])
-        frame = f'<path d="M{left} {top}V{bottom}H{right}" fill="none" stroke="#999"/>'
-        if self._across[0] < 0 < self._across[1]:
-            frame += f'<path d="M{self.x(0):.1f} {top}V{bottom}" stroke="#ddd"/>'
-        if self._up[0] < 0 < self._up[1]:
-            frame += f'<path d="M{left} {self.y(0):.1f}H{right}" stroke="#ddd"/>'
-            frame += f'<text x="{left - 3}" y="{self.y(0) + 4:.1f}" text-anchor="end">0</text>'
-        frame += (
-            f'<text x="{left}" y="{bottom + 12}" text-anchor="middle">{self._across[0]:g}</text>'
-            f'<text x="{right}" y="{bottom + 12}" text-anchor="end">{self._across[1]:g}</text>'
-            f'<text x="{(left + right) / 2}" y="{bottom + 23}" text-anchor="middle">{across}</text>'
-            f'<text x="{left - 3}" y="{bottom}" text-anchor="end">{self._up[0]:g}</text>'
-            f'<text x="{left - 3}" y="{top + 8}" text-anchor="end">{self._up[1]:g}</text>'
-            f'<text x="2" y="10">{up}</text>'
-        )
-        return _svg(SQUARE, SQUARE, frame + drawn, title)
-
-
-def _svg(width: int, height: int, drawn: str, title: str) -> str:
-    return (
-        f'<svg width="{width}" height="{height}" viewBox="0 0 {width} {height}" font-size="11" fill="#444" role="img" '
-        f'aria-label="{title}">{drawn}</svg>'
+def _points(colour: str, size: float = 4) -> uplot.Series:
+    return uplot.Series(
+        label="", stroke=colour, width=0, points=uplot.Series_Points(show=True, size=size, fill=colour, width=0)
     )
 
 
-def _room(values: Array, low: float, high: float, step: float) -> tuple[float, float]:
-    """low .. high, widened by whole steps until `values` fit."""
-    below = max(0, math.ceil((low - values.min()) / step))
-    above = max(0, math.ceil((values.max() - high) / step))
-    return low - step * below, high + step * above
+def _chart(
+    gui: viser.GuiApi, title: str, curves: list[uplot.Series], x: tuple[float, float], y: tuple[float, float] | None = None
+) -> viser.GuiUplotHandle:
+    """An empty chart; ranges of its axes, that of y automatic if None."""
+    font = "11px system-ui"
+    return gui.add_uplot(
+        _data(*(len(curves) + 1) * [np.empty(0)]),
+        (uplot.Series(label=""), *curves),
+        title=title,
+        scales={"x": uplot.Scale(time=False, range=x), "y": uplot.Scale() if y is None else uplot.Scale(range=y)},
+        axes=(uplot.Axis(size=30, font=font), uplot.Axis(size=42, font=font)),
+        legend=uplot.Legend(show=False),
+        height=125,
+        padding=(6, 14, 0, 0),
+    )
 
 
 def _number(value: float, form: str, unit: str = "") -> str:

@@ -1,4 +1,4 @@
-"""The stander in 3-D: body, target with its tolerance, forces of the ground, in a scene of viser."""
+"""The stander in 3-D, in a scene of viser: body, target with its tolerance, and ground reaction forces."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ from posture.play.session import State
 
 BODY_COLOUR, LIMB_COLOUR, LOAD_COLOUR = (79, 124, 172), (122, 157, 195), (70, 70, 75)
 TARGET_RADIUS = 0.03  # [m]
-METRES_PER_NEWTON = 1.0 / 400.0  # of the arrows: the whole body's weight is about a metre
-BESIDE = np.array([[0.0, 0.09, 0.0], [0.0, -0.09, 0.0]])  # [m] the arrows stand outside the legs, which would hide them
+METRES_PER_NEWTON = 1.0 / 400.0  # of the force arrows: the weight of the body is about a metre
+ARROW_OFFSET = np.array([[0.0, 0.09, 0.0], [0.0, -0.09, 0.0]])  # [m] beside the legs, which would hide the arrows
+LEAD_DENSITY = 11_340  # [kg/m^3]
 CAMERA, LOOK_AT, FIELD_OF_VIEW = (0.75, -3.3, 1.25), (0.1, 0.0, 0.95), 0.7
 
-# Bodies that move as one in the sagittal plane, drawn in the frame of the first.
+# Bodies that move together in the sagittal plane, drawn in the frame of the first.
 PARTS = {"hat": ("hat",), "leg": ("leg_left", "leg_right"), "foot": ("foot_left", "foot_right")}
 
 
 class Shape(NamedTuple):
-    """A solid of a part, in the part's frame [m], with its colour."""
+    """A mesh of a part, in the part's frame [m], with its colour."""
 
     vertices: Array
     faces: Array
@@ -39,9 +40,9 @@ class Scene:
     """Draws states into `scene`, of a server or of one of its clients."""
 
     def __init__(self, scene: viser.SceneApi, sole: tuple[float, float], target_height: float) -> None:
-        """`sole`: its ends in the foot's frame [m]. `target_height` [m]: paper Table 1."""
+        """`sole`: its ends in the foot frame [m]. `target_height` [m]: paper Table 1."""
         scene.set_up_direction("+z")
-        scene.configure_default_lights(enabled=True, cast_shadow=False)  # shadows are dear without a GPU
+        scene.configure_default_lights(enabled=True, cast_shadow=False)  # shadows are slow without a GPU
         scene.add_grid(
             "/ground",
             3.0,
@@ -60,7 +61,7 @@ class Scene:
         self._load = scene.add_icosphere(
             "/hat/load", 1.0, LOAD_COLOUR, position=(hat_com[0], -0.16, hat_com[2]), visible=False
         )
-        # Across the head at its centre, to be seen against the band of the tolerance.
+        # Across the head at its centre, visible against the tolerance band.
         pin = trimesh.creation.cylinder(0.006, segment=[[0, -0.19, 0.19], [0, 0.19, 0.19]], sections=8)
         scene.add_mesh_simple("/hat/pin", pin.vertices, pin.faces, color=(20, 20, 20))
         self._target = scene.add_frame("/target", show_axes=False)
@@ -77,7 +78,7 @@ class Scene:
         self._shown: dict[str, object] = {}
 
     def show(self, state: State, tolerance: float, load: float) -> None:
-        """Move everything to `state`; tolerance [m] and load [kg] as they are now."""
+        """Move everything to `state`; present tolerance [m] and load [kg]."""
         for part, bodies in PARTS.items():
             pose = state.pose[BODIES.index(bodies[0])]
             frame = self._parts[part]
@@ -86,44 +87,44 @@ class Scene:
         self._target.position = (state.target, 0.0, 0.0)
         foot = state.pose[BODIES.index("foot_left")]
         self._plate.position = (foot[0] + self._foot_middle, 0.0, -0.004)
-        at = state.at + BESIDE
-        self._force.points = np.stack([at, at + METRES_PER_NEWTON * state.force], axis=1).astype(np.float32)
-        lost = abs(state.head - state.target) > tolerance
-        if self._changed("band", (tolerance, lost)):
+        start = state.point + ARROW_OFFSET
+        self._force.points = np.stack([start, start + METRES_PER_NEWTON * state.force], axis=1).astype(np.float32)
+        outside = abs(state.head - state.target) > tolerance
+        if self._changed("band", (tolerance, outside)):
             self._band.scale = (2 * tolerance, 1.0, 1.0)
-            self._band.color = rgb(RED if lost else ORANGE)
+            self._band.color = rgb(RED if outside else ORANGE)
         if self._changed("load", load):
             self._load.visible = load > 0
-            # As large as so much lead.
-            self._load.scale = max(1e-3, (3 * load / (4 * np.pi * 11_340)) ** (1 / 3))
+            self._load.scale = max(1e-3, (3 * load / (4 * np.pi * LEAD_DENSITY)) ** (1 / 3))  # a sphere of lead
 
-    def name(self, mode: str, text: str) -> None:
-        """Name the mode above the body and colour the ground under its feet by it."""
+    def show_mode(self, mode: str, text: str) -> None:
+        """Show `text` above the body, and the colour of `mode` on the ground under its feet."""
         if self._changed("text", text):
             self._label.text = text
         if self._changed("mode", mode):
             self._plate.color = rgb(MODE_COLOUR[mode])
 
-    def _changed(self, what: str, value: object) -> bool:
-        """Whether `value` is news, since what does not change need not be sent."""
-        news = self._shown.get(what) != value
-        self._shown[what] = value
-        return news
+    def _changed(self, name: str, value: object) -> bool:
+        """Whether `value` differs from the last one of `name`; only changes are sent."""
+        changed = self._shown.get(name) != value
+        self._shown[name] = value
+        return changed
 
 
-def look(camera: viser.CameraHandle | viser.InitialCameraConfig) -> None:
-    """Let `camera` see the stander from its right, a little from the front."""
+def aim_camera(camera: viser.CameraHandle | viser.InitialCameraConfig) -> None:
+    """Point `camera` at the stander from its right, a little from the front."""
     camera.position, camera.look_at, camera.fov = CAMERA, LOOK_AT, FIELD_OF_VIEW
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
+    """Red, green and blue, 0 .. 255."""
     r, g, b = (round(255 * x) for x in to_rgb(colour))
     return r, g, b
 
 
 @cache
-def _placed() -> tuple[Any, Any]:
-    """The body standing upright, as MuJoCo reads its file."""
+def _upright() -> tuple[Any, Any]:
+    """MuJoCo's model of the body, and its data standing upright."""
     model = mujoco.MjModel.from_xml_path(str(MJCF))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -132,9 +133,9 @@ def _placed() -> tuple[Any, Any]:
 
 @cache
 def _shapes() -> dict[str, list[Shape]]:
-    """The solids of each part, all of one colour as one mesh."""
-    model, data = _placed()
-    found = {}
+    """The solids of each part, one mesh per colour."""
+    model, data = _upright()
+    shapes = {}
     for part, bodies in PARTS.items():
         origin = data.body(bodies[0]).xpos
         meshes: dict[tuple[int, int, int], list[trimesh.Trimesh]] = {}
@@ -150,31 +151,31 @@ def _shapes() -> dict[str, list[Shape]]:
             meshes[BODY_COLOUR].append(_trunk(meshes[BODY_COLOUR]))
         if part == "leg":
             meshes[LIMB_COLOUR] += _knees(meshes[LIMB_COLOUR])
-        joined = {colour: trimesh.util.concatenate(several) for colour, several in meshes.items()}
-        found[part] = [Shape(mesh.vertices, mesh.faces, colour) for colour, mesh in joined.items()]
-    return found
+        joined = {colour: trimesh.util.concatenate(of_colour) for colour, of_colour in meshes.items()}
+        shapes[part] = [Shape(mesh.vertices, mesh.faces, colour) for colour, mesh in joined.items()]
+    return shapes
 
 
 def _hat_com() -> Array:
-    model, _ = _placed()
+    model, _ = _upright()
     return np.asarray(model.body("hat").ipos)
 
 
-def _mesh(geom: Any, placed: Any) -> trimesh.Trimesh:
-    """A sphere or capsule where it is in the world."""
+def _mesh(geom: Any, pose: Any) -> trimesh.Trimesh:
+    """A sphere or capsule at its place in the world."""
     if geom.type[0] == mujoco.mjtGeom.mjGEOM_SPHERE:
         mesh = trimesh.creation.uv_sphere(radius=geom.size[0], count=[20, 20])
     else:
         mesh = trimesh.creation.capsule(height=2 * geom.size[1], radius=geom.size[0], count=[16, 16])
         mesh.apply_translation(-mesh.bounds.mean(axis=0))
     transform = np.eye(4)
-    transform[:3, :3], transform[:3, 3] = placed.xmat.reshape(3, 3), placed.xpos
+    transform[:3, :3], transform[:3, 3] = pose.xmat.reshape(3, 3), pose.xpos
     mesh.apply_transform(transform)
     return mesh
 
 
 def _trunk(solids: list[trimesh.Trimesh]) -> trimesh.Trimesh:
-    """What fills the gaps between neighbours along the midline, and a neck: seen, without mass."""
+    """Hulls that fill the gaps between neighbours along the midline, and a neck; drawn only, without mass."""
     trunk = sorted((mesh for mesh in solids if mesh.bounds[:, 2].max() < 0.15), key=lambda mesh: mesh.centroid[2])
     hulls = [trimesh.convex.convex_hull(np.vstack([a.vertices, b.vertices])) for a, b in zip(trunk, trunk[1:], strict=False)]
     neck = trimesh.creation.cylinder(0.045, segment=[[0, 0, 0.03], [0, 0, 0.15]], sections=16)
@@ -182,10 +183,10 @@ def _trunk(solids: list[trimesh.Trimesh]) -> trimesh.Trimesh:
 
 
 def _knees(solids: list[trimesh.Trimesh]) -> list[trimesh.Trimesh]:
-    """What fills the gap between thigh and shin, which are one rigid leg: seen, without mass."""
+    """Hulls that fill the gap between thigh and shin of the rigid legs; drawn only, without mass."""
     filled = []
     for side in (1.0, -1.0):
-        # In the left leg's frame the right leg is on the other side of y = -0.1 m.
+        # In the left leg's frame the plane between the legs is y = -0.1 m.
         thigh, shin = sorted((m for m in solids if (m.centroid[1] + 0.1) * side > 0), key=lambda m: -m.centroid[2])
         low = thigh.vertices[thigh.vertices[:, 2] < thigh.bounds[0, 2] + 0.055]
         high = shin.vertices[shin.vertices[:, 2] > shin.bounds[1, 2] - 0.045]

@@ -1,4 +1,4 @@
-"""The page's server: on 127.0.0.1 alone, a session for each visitor."""
+"""The server of the page, on 127.0.0.1 only: each visitor has a session, stepped in real time by its own thread."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import logging
 import socket
 import threading
 import time
+import traceback
 import warnings
 import webbrowser
 from collections.abc import Iterator
@@ -15,96 +16,200 @@ from collections.abc import Iterator
 import torch
 import viser
 
+from envs.body.segments import Segments
 from posture.config.errors import ConfigError
 from posture.config.play import PlayConfig
-from posture.play.pilot import Candidate, candidates
-from posture.play.scene import look
-from posture.play.theory import Office
-from posture.play.visit import Visit
+from posture.config.published import read_published
+from posture.play.panel import Panel
+from posture.play.plots import Plots
+from posture.play.policies import PolicyChoice, policy_choices
+from posture.play.scene import Scene, aim_camera
+from posture.play.session import Session
+from posture.play.theory_worker import TheoryWorker
 from posture.theory.stander import segments
 
 HOST = "127.0.0.1"
+MAX_LAG_S = 0.25
+"""A slow machine catches up with at most this much lost time."""
 
 
 def serve(config: PlayConfig) -> None:
     """Print the address and serve the page until the process is stopped.
 
-    Raises ConfigError where the port is taken or the checkpoint cannot be played with.
+    Raises ConfigError if the port is in use or the checkpoint is not usable.
     """
     check_port(config.port)
-    pilots = candidates(config.ckpt, config.lqr)
-    with opened(config, pilots) as page:
-        print(f"posture: http://{HOST}:{page.port} (Ctrl-C ends it)", flush=True)
-        if config.browser and not webbrowser.open(f"http://{HOST}:{page.port}"):
-            print("no browser could be opened: open the address yourself", flush=True)
+    with running(config, policy_choices(config.ckpt, config.lqr)) as server:
+        print(f"posture: http://{HOST}:{server.port} (press Ctrl-C to stop)", flush=True)
+        if config.browser and not webbrowser.open(f"http://{HOST}:{server.port}"):
+            print("no browser could be opened; open the address yourself", flush=True)
         while True:
-            time.sleep(1.0)  # a signal ends it
-
-
-class Page:
-    """The server and who is there: `visits` by client number. port: the one it got."""
-
-    def __init__(self, config: PlayConfig, pilots: list[Candidate], office: Office) -> None:
-        torch.set_num_threads(1)
-        self._config, self._pilots, self._office = config, pilots, office
-        self._body = segments(pilots[0].env)
-        self._door = threading.Lock()
-        self.visits: dict[int, Visit] = {}
-        logging.getLogger("websockets").setLevel(logging.CRITICAL)  # who came, and with what, is not told
-        warnings.filterwarnings("ignore", "Queued a .* on a closed connection")  # a visitor left between two frames
-        with contextlib.redirect_stdout(io.StringIO()):  # viser prints addresses of its own
-            self._server = viser.ViserServer(HOST, config.port, verbose=False)
-        self.port = self._server.get_port()
-        if config.port not in (0, self.port):
-            self.close()  # viser goes on to the next free one
-            raise ConfigError(taken(config.port))
-        # Viser can show a page through a server on the internet; this one stays on this machine.
-        self._server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
-        look(self._server.initial_camera)
-        self._server.on_client_connect(self._enter)
-        self._server.on_client_disconnect(self._leave)
-
-    def close(self) -> None:
-        """Send everybody home."""
-        for visit in list(self.visits.values()):
-            visit.leave()
-        with contextlib.redirect_stdout(io.StringIO()):
-            self._server.stop()
-
-    def _enter(self, client: viser.ClientHandle) -> None:
-        with self._door:
-            if len(self.visits) >= self._config.visitors:
-                client.gui.add_markdown(
-                    f"{self._config.visitors} visitors are here already, which is all that there is room for (`visitors=`). "
-                    "Reload the page when one has left."
-                )
-                return
-            visit = Visit(client, self._config, self._pilots, self._body, self._office)
-            self.visits[client.client_id] = visit
-            visit.start()
-
-    def _leave(self, client: viser.ClientHandle) -> None:
-        visit = self.visits.pop(client.client_id, None)
-        if visit is not None:
-            visit.leave()
+            time.sleep(1.0)  # until a signal
 
 
 @contextlib.contextmanager
-def opened(config: PlayConfig, pilots: list[Candidate]) -> Iterator[Page]:
-    """The page, served while the context lasts."""
-    office = Office()
+def running(config: PlayConfig, policies: list[PolicyChoice]) -> Iterator[Server]:
+    """A server that is closed at the end of the context."""
+    worker = TheoryWorker()
     try:
-        page = Page(config, pilots, office)
+        server = Server(config, policies, worker)
         try:
-            yield page
+            yield server
         finally:
-            page.close()
+            server.close()
     finally:
-        office.close()
+        worker.close()
+
+
+class Server:
+    """port: that of the page. visitors: those connected, by client number."""
+
+    def __init__(self, config: PlayConfig, policies: list[PolicyChoice], worker: TheoryWorker) -> None:
+        torch.set_num_threads(1)
+        self._config, self._policies, self._worker = config, policies, worker
+        self._body = segments(policies[0].env)
+        self._lock = threading.Lock()
+        self.visitors: dict[int, Visitor] = {}
+        logging.getLogger("websockets").setLevel(logging.CRITICAL)
+        warnings.filterwarnings("ignore", "Queued a .* on a closed connection")  # a visitor left between two frames
+        self._server = quiet_server(config.port)
+        self.port = self._server.get_port()
+        if config.port not in (0, self.port):
+            self.close()  # viser took the next free port
+            raise ConfigError(port_in_use(config.port))
+        # Viser can share a page through a server on the internet; this page stays on this machine.
+        self._server.request_share_url = lambda verbose=True: None  # type: ignore[method-assign]
+        aim_camera(self._server.initial_camera)
+        self._server.on_client_connect(self._connect)
+        self._server.on_client_disconnect(self._disconnect)
+
+    def close(self) -> None:
+        """Disconnect all visitors and stop."""
+        for visitor in list(self.visitors.values()):
+            visitor.stop()
+        stop_quietly(self._server)
+
+    def _connect(self, client: viser.ClientHandle) -> None:
+        with self._lock:
+            if len(self.visitors) >= self._config.visitors:
+                client.gui.add_markdown(
+                    f"{self._config.visitors} visitors are connected already, the most allowed (`visitors=`). "
+                    "Reload the page when one has left."
+                )
+                return
+            visitor = Visitor(client, self._config, self._policies, self._body, self._worker)
+            self.visitors[client.client_id] = visitor
+            visitor.start()
+
+    def _disconnect(self, client: viser.ClientHandle) -> None:
+        visitor = self.visitors.pop(client.client_id, None)
+        if visitor is not None:
+            visitor.stop()
+
+
+class Visitor(threading.Thread):
+    """One visitor's page. session: their stander. frames: number of frames sent, for benchmarks."""
+
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        config: PlayConfig,
+        policies: list[PolicyChoice],
+        body: Segments,
+        worker: TheoryWorker,
+    ) -> None:
+        super().__init__(daemon=True)
+        self._client, self._config = client, config
+        self.session = Session(config, policies, body, worker)
+        self.frames = 0
+        self.lock = threading.Lock()
+        """Held while the session changes."""
+        self._stopped = threading.Event()
+        gui = client.gui
+        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=(0, 114, 178))
+        gui.set_panel_label("posture")
+        measurements = gui.add_panel()
+        with measurements.add_tab("measurements"):
+            self._plots = Plots(gui, config)
+        measurements.dock_left()
+        measurements.set_width(400)
+        self.panel = Panel(
+            gui,
+            self.session,
+            config,
+            [policy.name for policy in policies],
+            self.lock,
+            lambda text: client.add_notification("not possible", text, color="red"),
+        )
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(310)
+        aim_camera(client.camera)
+        self._scene = Scene(client.scene, self.session.sole, read_published().table_1.target_height_m)
+
+    def stop(self) -> None:
+        """End the thread after its present step."""
+        self._stopped.set()
+
+    def run(self) -> None:
+        """Step the session and draw it until the visitor leaves."""
+        torch.set_num_threads(1)
+        try:
+            self._loop()
+        except Exception as error:
+            if not self._stopped.is_set():
+                traceback.print_exc()
+                message = f"{type(error).__name__}: {error}; reload the page"
+                self._client.add_notification("stopped", message, color="red")
+
+    def _loop(self) -> None:
+        session, config = self.session, self._config
+        last = next_frame = next_plots = time.monotonic()
+        owed = 0.0  # simulated time still to be stepped [s]
+        while not self._stopped.is_set():
+            now = time.monotonic()
+            owed = min(owed + (now - last) * self.panel.speed, MAX_LAG_S)
+            last = now
+            with self.lock:
+                while owed >= session.dt:
+                    session.step()
+                    owed -= session.dt
+                if now >= next_frame:
+                    next_frame = max(next_frame + 1 / config.frames_per_s, now - MAX_LAG_S)
+                    self._draw_scene()
+                if now >= next_plots:
+                    next_plots = max(next_plots + 1 / config.plots_per_s, now)
+                    self._draw_plots()
+            next_event = min(next_frame, next_plots, now + (session.dt - owed) / self.panel.speed)
+            self._stopped.wait(max(0.001, next_event - time.monotonic()))
+
+    def _draw_scene(self) -> None:
+        settings = self.session.settings
+        with self._client.atomic():
+            self._scene.show(self.session.state, settings.tolerance, settings.load)
+        self.frames += 1
+
+    def _draw_plots(self) -> None:
+        session = self.session
+        self._plots.refresh(session)
+        mode = session.measures().mode
+        self._scene.show_mode(mode, "fallen" if session.fallen else f"{mode}, {session.settings.freq:.2f} Hz")
+        self.panel.refresh()
+
+
+def quiet_server(port: int) -> viser.ViserServer:
+    """A server of viser that does not print its addresses."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        return viser.ViserServer(HOST, port, verbose=False)
+
+
+def stop_quietly(server: viser.ViserServer) -> None:
+    """Stop `server` without its message."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        server.stop()
 
 
 def check_port(port: int) -> None:
-    """Raise ConfigError where `port` is taken or may not be listened to."""
+    """Raise ConfigError if `port` is in use or needs more rights."""
     with socket.socket() as test:
         test.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -112,9 +217,9 @@ def check_port(port: int) -> None:
         except PermissionError:
             raise ConfigError(f"port = {port}: this user may not listen there; allowed are 1024 and above") from None
         except OSError:
-            raise ConfigError(taken(port)) from None
+            raise ConfigError(port_in_use(port)) from None
 
 
-def taken(port: int) -> str:
-    """What to say where a port is taken."""
-    return f"port = {port}: is in use on this machine; choose another, as port={port + 1}, or port=0 for any"
+def port_in_use(port: int) -> str:
+    """The error message."""
+    return f"port = {port}: in use on this machine; choose another, such as port={port + 1}, or port=0 for any free one"

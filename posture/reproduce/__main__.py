@@ -22,7 +22,7 @@ from posture.cli.jobs import Job
 from posture.cli.sweep import Standing, progress, sum_up, told
 from posture.config.errors import ConfigError
 from posture.config.eval import EvalConfig
-from posture.config.published import Published
+from posture.config.published import read_published
 from posture.config.reproduce import ReproduceConfig
 from posture.config.train import TrainConfig
 from posture.storage import run_dir
@@ -93,7 +93,7 @@ def report(plan: Plan, config: ReproduceConfig) -> None:
     from posture.reproduce.page.report import write_report
     from posture.reproduce.ship import ship
 
-    paper = Published.model_validate(config.paper)
+    paper = read_published()
     reproduction = collect(plan.trainings, plan.evaluations, config.search, paper)
     if reproduction is None:
         raise ConfigError("no policy of Exp. 1 is done: run the stage train first")

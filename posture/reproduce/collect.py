@@ -22,7 +22,7 @@ from posture.config.eval import EnvChanges, EvalConfig, EvaluationConfig
 from posture.config.published import Published
 from posture.config.train import TrainConfig
 from posture.evaluation.trial import AS_TRAINED, is_current, origin
-from posture.learning import policy
+from posture.learning.resume import training_seconds
 from posture.reproduce.claims.verdict import Transitions
 from posture.reproduce.reproduction import Body, Reproduction, Traces, Training
 from posture.storage import run_dir, yaml_files
@@ -129,7 +129,7 @@ def _training(experiment: str, job: Job) -> Training:
     if progress(job) < 1:
         return Training(experiment, name, seed)
     starts = yaml_files.read_yaml(job.folder / "provenance.yaml") or []
-    return Training(experiment, name, seed, True, policy.training_seconds(job.folder), starts)
+    return Training(experiment, name, seed, True, training_seconds(job.folder), starts)
 
 
 def _of_training(job: Job, left_out: list[str]) -> list[Result]:

@@ -12,6 +12,7 @@ from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
 from posture.storage import yaml_files
 from posture.storage.code_version import envs_version
+from posture.storage.migration import VERSION
 from posture.storage.yaml_files import write_yaml
 
 PACKAGES = ("posture", "newton", "warp-lang", "mujoco", "mujoco-warp", "rsl-rl-lib", "torch", "hydra-core", "numpy")
@@ -19,7 +20,7 @@ PACKAGES = ("posture", "newton", "warp-lang", "mujoco", "mujoco-warp", "rsl-rl-l
 
 def write_config(run: Path, config: TrainConfig) -> None:
     """Keep the resolved configuration, and add the versions, commit and command of this start to its provenance."""
-    write_yaml(run / "config.yaml", config.model_dump(mode="json"))
+    write_yaml(run / "config.yaml", {"version": VERSION, **config.model_dump(mode="json")})
     so_far = starts(run)
     so_far.append(
         {

@@ -22,6 +22,7 @@ from posture.config.errors import ConfigError
 from posture.config.reading import read
 from posture.config.train import TrainConfig
 from posture.storage import yaml_files
+from posture.storage.migration import upgrade
 
 RUNS = Path("runs")
 PRETRAINED = Path(__file__).resolve().parent.parent / "pretrained"
@@ -131,7 +132,7 @@ def read_config(run: Path) -> TrainConfig:
     if not isinstance(values, dict):
         raise ConfigError(f"{path}: not a configuration; allowed is one as posture.train writes it")
     yaml_files.refuse_instructions(values, path)
-    return read(TrainConfig, values, str(path))
+    return read(TrainConfig, upgrade(values, path), str(path))
 
 
 def writable(folder: Path) -> Path:

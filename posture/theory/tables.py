@@ -14,6 +14,7 @@ from envs.config import EnvConfig
 from posture.analysis.coordination import mode
 from posture.analysis.results import Row, as_row, columns_of
 from posture.analysis.table import Column, text_table
+from posture.config.published import read_published
 from posture.config.theory import TheoryConfig
 from posture.theory.optimum import bound
 from posture.theory.prediction import Prediction, predict
@@ -236,10 +237,11 @@ def _transitions(body: Segments, config: TheoryConfig, tolerance: float, **chang
 
 def _published(config: TheoryConfig, table: str, column: str, swept: Sequence[str]) -> dict[float, str]:
     """The paper's mode at each value of `column`; none where the stander differs from the paper's in more than `swept`."""
-    condition = config.paper["table_3"]["condition"]
+    published = read_published().model_dump(mode="json")
+    condition = published["table_3"]["condition"]
     if any(getattr(config.env, key) != value for key, value in condition.items() if key not in swept):
         return {}
-    content = config.paper[table]
+    content = published[table]
     modes = content.get("mode", content.get("mode_at_ends"))
     return {value: f"{name}-phase" for value, name in zip(content[column], modes, strict=True)}
 

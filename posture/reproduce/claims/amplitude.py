@@ -28,8 +28,8 @@ def amplitude_claim(results: Sequence[Result], freqs: Sequence[float], report: R
             f"Amplitudes of {amplitudes[0]:g} to {amplitudes[-1]:g} m differ by a factor of "
             f"{amplitudes[-1] / amplitudes[0]:.2g}, frequencies of {min(freqs):g} to {max(freqs):g} Hz by a factor of "
             f"{max(freqs) / min(freqs):.2g}; both are compared over the smaller factor. Change with amplitude: highest "
-            "minus lowest mean correlation at a frequency, averaged over the frequencies. Change with frequency: the same at "
-            "an amplitude, over each range of frequencies that spans this factor, averaged over ranges and amplitudes. "
+            "minus lowest mean correlation at a frequency, averaged over the frequencies. Change with frequency: the same "
+            "at an amplitude, over each range of frequencies that spans this factor, averaged over ranges and amplitudes. "
             f"Reproduced: the first is at most {report.claims.amplitude_share:.0%} of the second; partly: it is less. "
             "Judged if all conditions have results in which most seeds did not fall.",
         ),

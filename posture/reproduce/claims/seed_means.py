@@ -34,7 +34,7 @@ class SeedMean(NamedTuple):
         return self.n > 0 and 2 * self.n >= self.trials
 
     def text(self, spec: str) -> str:
-        """As "0.59 (0.50 to 0.71)", numbers in the format `spec`; without the interval if there is none; "-" for no value."""
+        """As "0.59 (0.50 to 0.71)", numbers in the format `spec`; without an interval if it has none; "-" for no value."""
         if not self.n:
             return "-"
         mean = f"{self.mean:{spec}}"

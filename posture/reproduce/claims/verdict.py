@@ -57,8 +57,8 @@ class Verdict:
     """A claim of the paper and what became of it.
 
     published: the paper's numbers. finding: the result in a few words. measured: the same with numbers, means over seeds
-    with 95 % bootstrap intervals. theory: what the linear stander shows. rule: how the claim was judged. comment: what theory
-    says about a claim that is not reproduced in full.
+    with 95 % bootstrap intervals. theory: what the linear stander shows. rule: how the claim was judged. comment: what
+    theory says about a claim that is not reproduced in full.
     """
 
     key: str

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from posture.cli.sweep import status
-from posture.learning import policy
+from posture.learning.resume import iterations_done
 from posture.storage import atomic, checkpoint, run_dir
 from posture.storage.lock import is_busy
 from tests.commands import TINY, call, refused
@@ -107,7 +107,7 @@ def stop_and_go_on(number, processes, to_all):
     assert not is_busy(run)
     (model,) = run.glob("model_*.pt")  # the one of the stop, since no other was due
     done = run_dir.iteration_of(model)
-    assert policy.iterations_done(run) == done and steps(run) == list(range(done))
+    assert iterations_done(run) == done and steps(run) == list(range(done))
     train(f"resume={run}", f"max_iterations={done + 2}")
     train(*shared, f"max_iterations={done + 2}", "hydra.run.dir=whole")
     assert equal(run, Path("whole"), done + 2)
@@ -175,7 +175,7 @@ def test_a_sweep_stops_with_its_job_saved():
     assert process.returncode == 130 and "Traceback" not in out + err, err
     (job,) = run_dir.runs_in(Path("runs/energy"))  # the second never began
     assert status(job)["state"] == "running" and not is_busy(job)
-    assert policy.iterations_done(job) == run_dir.iteration_of(run_dir.newest_model(job))
+    assert iterations_done(job) == run_dir.iteration_of(run_dir.newest_model(job))
 
 
 # -- resume, and a job of a sweep ----------------------------------------------------------------------------------------
@@ -212,7 +212,7 @@ def test_kills_at_random_moments(processes):
     moments, run = random.Random(processes), Path("killed")
     train(*PLAIN, f"processes={processes}", "max_iterations=1", f"hydra.run.dir={run}")
     for _ in range(6):
-        before = policy.iterations_done(run)
+        before = iterations_done(run)
         with started(f"resume={run}", FOREVER) as process:
             wait_for(lambda before=before: saved(run, before + 1), process)
             time.sleep(moments.uniform(0.0, 0.3))
@@ -221,9 +221,9 @@ def test_kills_at_random_moments(processes):
             with pytest.raises(ProcessLookupError):
                 wait_until_gone(process.pid)
         assert not is_busy(run)
-        done, newest = policy.iterations_done(run), run_dir.newest_model(run)
+        done, newest = iterations_done(run), run_dir.newest_model(run)
         assert done > before and checkpoint.load(newest, "cpu")["iter"] == run_dir.iteration_of(newest) >= done
-    done = policy.iterations_done(run)
+    done = iterations_done(run)
     train(f"resume={run}", f"max_iterations={done + 1}")
     train(
         *PLAIN, f"processes={processes}", f"max_iterations={done + 1}", "agent.save_interval=1000000", "hydra.run.dir=whole"
@@ -270,7 +270,7 @@ def test_a_save_cut_short_anywhere(begun, monkeypatch, name, moment):
         with pytest.raises(Cut):
             call(patch, "train", f"resume={begun}", "max_iterations=4")
     done = 3 if (name, moment) == ("resume.pt", "after it is renamed") else 2
-    assert policy.iterations_done(begun) == done
+    assert iterations_done(begun) == done
     strays = list(begun.glob(".*.tmp"))
     assert bool(strays) == ("before" in moment) and run_dir.newest_model(begun) not in strays
     call(monkeypatch, "train", f"resume={begun}", "max_iterations=4")
@@ -315,9 +315,9 @@ def test_a_full_disk_is_one_line_and_costs_nothing_saved(begun, monkeypatch, cap
     assert stop.value.code == 1
     assert capfd.readouterr().err.strip() == f"error: {begun.absolute() / name}: No space left on device"
     assert {path: path.read_bytes() for path in kept} == kept
-    assert policy.iterations_done(begun) == 2 and not list(begun.glob(".*.tmp"))
+    assert iterations_done(begun) == 2 and not list(begun.glob(".*.tmp"))
     call(monkeypatch, "train", f"resume={begun}", "max_iterations=4")
-    assert policy.iterations_done(begun) == 4
+    assert iterations_done(begun) == 4
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")

@@ -7,7 +7,7 @@ from posture.config.errors import ConfigError
 from posture.config.eval import EnvChanges
 from posture.evaluation.trial import AS_TRAINED, published, trial_config
 from posture.learning.learner import Learner
-from posture.learning.policy import load_policy
+from posture.learning.networks import load_policy
 from tests.conftest import compose
 
 
@@ -26,11 +26,11 @@ def env(run):
 def test_the_papers_numbers_stand_only_beside_its_own_conditions(run):
     evaluation = run.evaluation
     ours = trial_config(run.env, evaluation, AS_TRAINED, "cpu")
-    assert "table_3" in published(run.paper, ours)
+    assert "table_3" in published(ours)
     for change in ({"hip_k": 60.0}, {"load": 2.0}, {"amplitude": 0.05}, {"ankle_k": 30.0}):
         changed = trial_config(run.env, evaluation, EnvChanges.model_validate({**AS_TRAINED.model_dump(), **change}), "cpu")
-        assert "table_3" not in published(run.paper, changed)
-    assert "table_3" not in published(run.paper, ours.model_copy(update={"energy_weight": 5.0}))
+        assert "table_3" not in published(changed)
+    assert "table_3" not in published(ours.model_copy(update={"energy_weight": 5.0}))
 
 
 def test_the_evaluated_policy_is_the_trained_one(run, env, tmp_path):

@@ -25,7 +25,7 @@ from posture.evaluation.trial import AS_TRAINED, trial_config
 from posture.export import onnx_policy
 from posture.export.onnx_policy import COMPONENTS, write_onnx
 from posture.export.recording import write_csv, write_sto
-from posture.learning.policy import load_policy, network
+from posture.learning.networks import load_policy, network
 from posture.storage import checkpoint, run_dir
 from tests.commands import call, refused
 from tests.conftest import compose

@@ -7,8 +7,9 @@ import torch
 
 from envs.task.head_tracking import HeadTrackingEnv
 from posture import train
-from posture.learning import parallel, policy
+from posture.learning import parallel
 from posture.learning.ppo import PPO
+from posture.learning.resume import iterations_done
 from posture.storage import checkpoint, run_dir
 from tests.commands import TINY, call, runs
 from tests.time_limit import at_most
@@ -60,7 +61,7 @@ def test_what_is_not_finite_is_named_and_not_saved(tmp_path, monkeypatch, capsys
     (line,) = told.err.strip().splitlines()
     assert line.startswith("error: iteration 2: training stopped") and term in line
     newest = run_dir.newest_model(runs()[0])
-    assert newest.name == "model_1.pt" and policy.iterations_done(runs()[0]) == 1
+    assert newest.name == "model_1.pt" and iterations_done(runs()[0]) == 1
     weights = checkpoint.load(newest, "cpu")["actor_state_dict"].values()
     assert all(torch.isfinite(weight).all() for weight in weights)
 

@@ -1,4 +1,4 @@
-"""python -m posture.play as users meet it: one clear line for bad input, a taken port, Ctrl-C, and the recording."""
+"""python -m posture.play: errors in one line, a port in use, signals, and the recording."""
 
 import os
 import signal
@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -19,7 +20,7 @@ ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(autouse=True)
-def _elsewhere(tmp_path, monkeypatch):
+def _in_tmp_path(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(commands.ENTRIES, "play", (PlayConfig, play))
 
@@ -39,43 +40,42 @@ def _elsewhere(tmp_path, monkeypatch):
         ("hip_k=300", ["hip_k = 300: allowed is 0..250"]),
         ("amplitude=0.3", ["amplitude = 0.3: allowed is 0.05..0.12"]),
         ("tolerance=nan", ["tolerance", "finite"]),
-        ("sliders.freq=[1,0.5,0.1]", ["sliders.freq: goes from low to high"]),
-        ("sliders.tolerance=[0.01,0.06,0.01]", ["to stand still is good enough", "0.05 m"]),
+        ("sliders.freq=[1,0.5,0.1]", ["sliders.freq: "]),
+        ("sliders.tolerance=[0.01,0.06,0.01]", ["sliders.tolerance: ", "0.05 m"]),
         ("visitors=0", ["visitors = 0"]),
         ("slow_motion=2", ["slow_motion = 2"]),
         ("push.force=500", ["push.force = 500", "push.limit = 150"]),
         ("speed=2", ["speed"]),
         ("record=out.txt", ["record = out.txt: the name must end in .html"]),
-        ("recording.freq=[0.5,3]", ["recording.freq: a ramp goes up within 0.05..1.5 Hz"]),
+        ("recording.freq=[0.5,3]", ["recording.freq: ", "0.05..1.5 Hz"]),
         ("record=/proc/x/out.html", ["cannot write to the folder /proc/x"]),
     ],
 )
 def test_bad_input(monkeypatch, capsys, argument, expected):
     line = refused(monkeypatch, capsys, "play", argument)
-    for part in expected:
-        assert part in line
+    assert [part for part in expected if part not in line] == []
 
 
-def test_a_damaged_checkpoint_is_told_of_before_the_page_opens(monkeypatch, capsys, tmp_path):
-    shipped = next((ROOT / "posture/pretrained/default").glob("config.yaml"))
-    (tmp_path / "config.yaml").write_text(shipped.read_text())
+def test_damaged_checkpoint_is_refused_before_the_page_opens(monkeypatch, capsys, tmp_path):
+    (tmp_path / "config.yaml").write_text((ROOT / "posture/pretrained/default/config.yaml").read_text())
     (tmp_path / "model_3.pt").write_bytes(b"damaged")
     assert "not a checkpoint" in refused(monkeypatch, capsys, "play", f"ckpt={tmp_path / 'model_3.pt'}", "port=0")
 
 
-def test_a_port_in_use_is_one_clear_line(monkeypatch, capsys):
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        port = taken.getsockname()[1]
+def test_port_in_use(monkeypatch, capsys):
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
         line = refused(monkeypatch, capsys, "play", f"port={port}")
-    assert line == f"error: port = {port}: is in use on this machine; choose another, as port={port + 1}, or port=0 for any"
+    assert line.startswith(f"error: port = {port}: in use") and f"port={port + 1}" in line
 
 
-def started(folder, *arguments):
-    # A process group of its own, as a terminal's Ctrl-C goes to all of it.
-    return subprocess.Popen(
-        [sys.executable, "-m", "posture.play", *arguments],
+@contextmanager
+def running(folder):
+    """The command in a process group of its own, as in a terminal, where Ctrl-C reaches the whole group."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "posture.play", "port=0"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -83,62 +83,60 @@ def started(folder, *arguments):
         env=os.environ | {"PYTHONPATH": str(ROOT), "GIT_PYTHON_REFRESH": "quiet"},
         start_new_session=True,
     )
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+
+
+def stop(process, number):
+    """Send a signal; the exit code, and what was printed after it."""
+    os.killpg(process.pid, number)
+    out, err = process.communicate(timeout=30)
+    assert "Traceback" not in err and "error" not in err, err
+    return process.returncode, out
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_stopped_by_a_signal(tmp_path, number, code):
-    process = started(tmp_path, "port=0")
-    line = process.stdout.readline()
-    assert line.startswith("posture: http://127.0.0.1:"), line + process.stderr.read()
-    port = int(line.split(":")[3].split()[0])
-    with socket.create_connection(("127.0.0.1", port), timeout=5):
-        pass
-    os.killpg(process.pid, number)
-    out, err = process.communicate(timeout=30)
-    assert process.returncode == code
-    assert out == "" and "Traceback" not in err and "error" not in err
+def test_page_is_local_and_stops_on_a_signal(tmp_path, number, code):
+    with running(tmp_path) as process:
+        line = process.stdout.readline()
+        assert line.startswith("posture: http://127.0.0.1:"), line + process.stderr.read()
+        port = int(line.split(":")[3].split()[0])
+        with socket.create_connection(("127.0.0.1", port), timeout=5):
+            pass
+        sockets = [row.split() for row in Path("/proc/net/tcp").read_text().splitlines()[1:]]
+        listening = [row[1] for row in sockets if row[3] == "0A"]
+        assert f"0100007F:{port:04X}" in listening and f"00000000:{port:04X}" not in listening
+        assert stop(process, number) == (code, "")
     with pytest.raises(OSError):
         socket.create_connection(("127.0.0.1", port), timeout=1)
 
 
-def test_stopped_while_it_starts(tmp_path):
-    process = started(tmp_path, "port=0")
-    time.sleep(1.5)
-    os.killpg(process.pid, signal.SIGINT)
-    out, err = process.communicate(timeout=30)
-    assert process.returncode == 130 and out == "" and "Traceback" not in err
+def test_interrupted_during_start_up(tmp_path):
+    with running(tmp_path) as process:
+        time.sleep(1.5)
+        assert stop(process, signal.SIGINT) == (130, "")
 
 
-def test_only_this_machine_can_reach_it(tmp_path):
-    process = started(tmp_path, "port=0")
-    try:
-        port = int(process.stdout.readline().split(":")[3].split()[0])
-        listening = [
-            line.split()[1] for line in Path("/proc/net/tcp").read_text().splitlines()[1:] if line.split()[3] == "0A"
-        ]
-        assert f"0100007F:{port:04X}" in listening, "127.0.0.1"
-        assert f"00000000:{port:04X}" not in listening
-    finally:
-        os.killpg(process.pid, signal.SIGTERM)
-        process.communicate(timeout=30)
-
-
-def test_a_recording_is_one_small_file(monkeypatch, capsys, tmp_path):
+def test_recording_is_one_small_file(monkeypatch, capsys, tmp_path):
     short = ["recording.freq=[0.7,0.75]", "recording.hold=0.5", "ramp_rate=0.1", "frames_per_s=10"]
     call(monkeypatch, "play", "record=made/out.html", *short)
     page = (tmp_path / "made/out.html").read_text()
     assert "out.html: " in capsys.readouterr().out
     assert len(page) < 5e6 and "__VISER_EMBED_DATA__" in page
-    assert sorted(path.name for path in (tmp_path / "made").iterdir()) == ["out.html"]
+    assert [path.name for path in (tmp_path / "made").iterdir()] == ["out.html"]
 
 
-def test_a_stander_that_falls_is_not_recorded(monkeypatch, capsys, tmp_path):
-    # Trained with hips of 200 Nm/rad, in a body with hips of none and the heaviest load.
+def test_recording_of_a_fall_is_refused(monkeypatch, capsys, tmp_path):
+    # Trained with hips of 200 Nm/rad, in a body without springs and with the heaviest load.
     with pytest.raises(SystemExit) as stop:
         call(
             monkeypatch, "play", "record=out.html", "ckpt=pretrained/hip_k-200", "hip_k=0", "ankle_k=0", "load=8",
             "recording.freq=[1.4,1.5]", "recording.hold=20", "frames_per_s=5",
         )  # fmt: skip
-    told = capsys.readouterr().err
-    assert stop.value.code == 1 and "error: the stander fell" in told and "Traceback" not in told
+    message = capsys.readouterr().err
+    assert stop.value.code == 1 and "error: the stander fell" in message and "Traceback" not in message
     assert not (tmp_path / "out.html").exists()

@@ -11,13 +11,16 @@ import yaml
 
 from posture.analysis.results import NO_LEAST, NO_RAMP, LeastCost, Origin, RampTransitions, Result
 from posture.analysis.trajectory import Trajectory
-from posture.config.published import Published
+from posture.cli.jobs import check
+from posture.config.published import read_published
 from posture.config.reproduce import ReportConfig
+from posture.config.train import TrainConfig
 from posture.reproduce.claims.stiffness import map_grid
 from posture.reproduce.claims.verdict import Transitions
+from posture.reproduce.reproduction import Body, Reproduction, Traces, Training
 
 CONF = Path(__file__).parents[3] / "conf"
-PAPER = Published.model_validate(yaml.safe_load((CONF / "paper.yaml").read_text(encoding="utf-8")))
+PAPER = read_published()
 REPORT = ReportConfig.model_validate(yaml.safe_load((CONF / "report.yaml").read_text(encoding="utf-8")))
 TEN = PAPER.table_3.freq_hz
 FREQS = sorted({*TEN, 0.625, 0.65, 0.675, 0.7, 0.725})
@@ -118,7 +121,7 @@ def paper_results(seeds: int = 3) -> dict[str, list[Result]]:
 
 
 def trajectory(phase: np.ndarray, freq: Sequence[float], fall_step: int = -1) -> Trajectory:
-    """Worlds whose target has the phase (T, W) [rad]; in-phase up to a momentary 0.7 Hz, anti-phase above. The first may fall."""
+    """Worlds whose target has the phase (T, W) [rad]: in-phase up to a momentary 0.7 Hz, anti-phase above it."""
     speed = np.gradient(phase, DT, axis=0) / (2 * np.pi)
     hip, ankle = 0.1 * np.cos(phase) * np.where(speed < 0.7, 1, -1), 0.05 * np.cos(phase)
     joints = np.stack([hip, ankle, hip, ankle], axis=-1)
@@ -141,3 +144,12 @@ def steady(freq: Sequence[float], fall_step: int = -1) -> Trajectory:
 def swept() -> Trajectory:
     """A target whose frequency rises by 0.036 Hz/s for 25 s."""
     return trajectory((np.pi * 0.036 * (np.arange(1500) * DT) ** 2)[:, None], [math.nan])
+
+
+def reproduction(results: dict[str, list[Result]], traces: Traces, trainings: Sequence[Training] = ()) -> Reproduction:
+    """A reproduction with these results, of the default body."""
+    (job,) = check("train", TrainConfig, []).jobs
+    assert isinstance(job.config, TrainConfig)
+    ends = np.array([-120.0, 45.0]), np.array([-50.0, 50.0])
+    body = Body(40.15, 1.57, np.array([-0.008, 0.0, 0.822]), *ends, foot_span=(-0.06, 0.13))
+    return Reproduction(results, traces, TRANSITIONS, body, list(trainings), job.config, [], ramp_start=0.0)

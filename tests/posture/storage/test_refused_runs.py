@@ -16,7 +16,8 @@ from envs.body.joints import KINDS
 from envs.task.head_tracking import HeadTrackingEnv
 from envs.task.observations import TERMS
 from posture.config.errors import ConfigError
-from posture.learning.policy import NUM_ACTIONS, OBSERVATION_SIZES, iterations_done, load_policy
+from posture.learning.networks import NUM_ACTIONS, OBSERVATION_SIZES, load_policy
+from posture.learning.resume import iterations_done
 from posture.storage import checkpoint
 from posture.storage.run_dir import read_config
 from tests.commands import refused
@@ -285,7 +286,7 @@ def other_iteration(content):
         (nan_critic, "mlp.0.bias holds weights that are not finite"),
         (no_optimiser, "no 'optimizer_state_dict'"),
         (other_optimiser, "exp_avg of weight 1 has the shape (3, 3)"),
-        (one_weight_more, "training cannot go on from it"),
+        (one_weight_more, "training cannot continue from it"),
         (nan_optimiser, "not finite"),
         (nan_rate, "not finite"),
         (other_iteration, "saved after 1 iterations"),

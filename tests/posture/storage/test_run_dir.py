@@ -51,7 +51,7 @@ def put(path, value):
 TAMPERED = {
     "target": put("env._target_", "os.system"),
     "target of the learner": put("agent.actor._target_", "trap.Trap"),
-    "target in a table": put("paper.table_3._target_", "trap.Trap"),
+    "target of the evaluation": put("evaluation._target_", "trap.Trap"),
     "class of the actor": put("agent.actor.class_name", "trap:Trap"),
     "class of the critic": put("agent.critic.class_name", "trap:Trap"),
     "class of the algorithm": put("agent.algorithm.class_name", "trap:Trap"),
@@ -61,7 +61,7 @@ TAMPERED = {
     "extension": put("agent.algorithm.rnd_cfg", {"weight_schedule": "trap:Trap"}),
     "environment variable": put("device", "${oc.env:CANARY}"),
     "environment variable as a number": put("env.hip_k", "${oc.env:CANARY}"),
-    "environment variable in a table": put("paper.table_3.mode", ["${oc.env:CANARY}"]),
+    "environment variable in a list": put("evaluation.freq", ["${oc.env:CANARY}"]),
     "environment variable within text": put("resume", "runs/${oc.env:CANARY}/x"),
     "environment variable as a key": put("env.reward", {"${oc.env:CANARY}": 1.0}),
     "nested": put("resume", "${oc.decode:${oc.env:CANARY}}"),
@@ -72,7 +72,7 @@ TAMPERED = {
     "defaults": put("defaults", ["/etc/passwd", {"env": "../../../trap"}]),
     "search path": put("hydra", {"searchpath": ["file:///tmp"]}),
     "callback": put("hydra", {"callbacks": {"x": {"_target_": "trap.Trap"}}}),
-    "number as a key": put("paper.table_3", {1: 2}),
+    "number as a key": put("evaluation", {1: 2}),
 }
 TEXTS = {
     "call": "!!python/object/apply:os.system ['touch canary']",

@@ -11,6 +11,7 @@ from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 
 from posture.cli import entry, jobs
+from posture.config.published import CONF
 from posture.config.theory import TheoryConfig
 from posture.theory.__main__ import theory
 from posture.theory.prediction import cop_binds, predict
@@ -117,7 +118,7 @@ def test_where_no_tolerance_ends_the_episode_that_of_the_evaluation_counts():
     from posture.config.reading import read as checked
 
     GlobalHydra.instance().clear()
-    with hydra.initialize_config_dir(str(jobs.CONF), version_base="1.3"):
+    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
         config = checked(TheoryConfig, jobs.plain(hydra.compose("theory", ["env=paper"])))
     assert config.tolerance is None and config.head_tolerance == config.evaluation.tolerance
 

@@ -105,7 +105,7 @@ def static(stander):
 
 def test_it_stands_follows_and_costs_what_the_optimum_costs(tmp_path, capsys):
     """In the full simulation, feet flat, within a tenth of the least cost, in phase at 0.5 Hz and anti-phase at 1 Hz."""
-    rows = evaluate_lqr(LQR, EVAL.evaluation, AS_TRAINED, EVAL.paper, "cpu", tmp_path)
+    rows = evaluate_lqr(LQR, EVAL.evaluation, AS_TRAINED, "cpu", tmp_path)
     assert [row.mode for row in rows] == ["in-phase", "anti-phase"]
     for row in rows:
         assert row.valid and row.foot_not_flat_share == 0.0
@@ -123,7 +123,7 @@ def test_within_the_tolerance_and_on_flat_feet_nothing_costs_less_than_the_bound
     """With 6 mm left to feedback the head stays within the tolerance, and the least cost is then a lower bound, but for the
     squares of angles that the linear model leaves out: a ratio under 0.97 would be an error of theory or of simulation."""
     careful = LQR.model_copy(update={"tolerance_margin": 0.006})
-    for row in evaluate_lqr(careful, EVAL.evaluation, AS_TRAINED, EVAL.paper, "cpu", tmp_path):
+    for row in evaluate_lqr(careful, EVAL.evaluation, AS_TRAINED, "cpu", tmp_path):
         assert row.beyond_tolerance_share == 0.0 and row.foot_not_flat_share == 0.0
         assert 0.97 <= row.cost_ratio < 1.3
 
@@ -139,7 +139,7 @@ def test_what_the_foot_cannot_bear_is_refused(stander, tmp_path):
         plan(stander, 0.5, 2.0, 0.025, LQR)
     changes = AS_TRAINED.model_copy(update={"amplitude": 2.0})
     with pytest.raises(ConfigError, match="cannot be met"):
-        evaluate_lqr(LQR, EVAL.evaluation, changes, EVAL.paper, "cpu", tmp_path / "none")
+        evaluate_lqr(LQR, EVAL.evaluation, changes, "cpu", tmp_path / "none")
     assert not (tmp_path / "none").exists()
 
 

@@ -1,4 +1,4 @@
-"""What the tests of the page share: its configuration, and an office that answers at once."""
+"""Shared by the tests of the page: its configuration, and sessions whose theory is computed at once."""
 
 from concurrent.futures import Future
 
@@ -7,8 +7,10 @@ import hydra
 from posture.cli.jobs import CONF, plain
 from posture.config.play import PlayConfig
 from posture.config.reading import read
-from posture.play.pilot import candidates
+from posture.play.policies import policy_choices
 from posture.play.session import Session
+
+DT = 0.0166
 
 
 def compose_play(*overrides):
@@ -17,8 +19,8 @@ def compose_play(*overrides):
         return read(PlayConfig, plain(hydra.compose("play", list(overrides))))
 
 
-class Inline:
-    """An `Office` that computes in this thread, while it is asked."""
+class InlineWorker:
+    """A `TheoryWorker` that computes in the calling thread."""
 
     def submit(self, function, *arguments):
         future = Future()
@@ -29,16 +31,16 @@ class Inline:
         return future
 
 
-def session(body, *overrides):
+def new_session(body, *overrides):
     """A session with these overrides."""
     config = compose_play(*overrides)
-    return Session(config, candidates(config.ckpt, config.lqr), body, Inline())
+    return Session(config, policy_choices(config.ckpt, config.lqr), body, InlineWorker())
 
 
-def walk(session, seconds):
-    """Let it go on for so long; the states."""
-    seen = []
+def advance(session, seconds):
+    """Step for `seconds`; the states."""
+    states = []
     for _ in range(round(seconds / session.dt)):
         session.step()
-        seen.append(session.state)
-    return seen
+        states.append(session.state)
+    return states

@@ -1,0 +1,96 @@
+"""rsl-rl's logger with a progress line, and with a state that a resumed training continues."""
+
+import contextlib
+import io
+from collections import deque
+from typing import Any
+
+import torch
+from rsl_rl.utils.logger import Logger
+
+from posture.learning.progress import ProgressLine, Status
+
+_NUMBERS, _TENSORS, _BUFFERS = (
+    ("tot_timesteps", "tot_time"),
+    ("cur_reward_sum", "cur_episode_length"),
+    ("rewbuffer", "lenbuffer"),
+)
+
+
+class NullWriter:
+    """Takes the place of TensorBoard's writer in a process that writes no files."""
+
+    def add_scalar(self, *_: Any) -> None:
+        """Do nothing."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class TrainingLogger(Logger):
+    """Writes to TensorBoard as rsl-rl does, and shows a progress line in place of rsl-rl's page of text per iteration."""
+
+    def __init__(self, **arguments: Any) -> None:
+        super().__init__(**arguments)
+        self._progress = ProgressLine()
+        self._recent_s: deque[float] = deque(maxlen=20)
+
+    def init_logging_writer(self) -> None:
+        """Open the writer. A process that writes nothing gets one too, since rsl-rl calls `save` only if there is one."""
+        super().init_logging_writer()
+        if self.disable_logs:
+            self.writer: Any = NullWriter()
+
+    def stop_logging_writer(self) -> None:
+        """Write what is buffered, and end the progress line."""
+        self._progress.close()
+        if self.writer is not None:
+            self.writer.close()
+            self.writer = None
+
+    def log(self, it: int, start_it: int, total_it: int, collect_time: float, learn_time: float, **rest: Any) -> None:
+        """Write the iteration with index `it` to TensorBoard, and show it."""
+        error_mm, cost = self._mean("/tracking_error_mm"), self._mean("/cost")  # before rsl-rl clears them
+        with contextlib.redirect_stdout(io.StringIO()):
+            super().log(
+                it=it, start_it=start_it, total_it=total_it, collect_time=collect_time, learn_time=learn_time, **rest
+            )
+        if self.disable_logs:
+            return
+        seconds = collect_time + learn_time
+        self._recent_s.append(seconds)
+        self._progress.show(
+            Status(
+                iteration=it + 1,
+                total=total_it,
+                steps_per_s=self.num_envs * self.gpu_world_size * self.cfg["num_steps_per_env"] / seconds,
+                reward=sum(self.rewbuffer) / len(self.rewbuffer) if self.rewbuffer else None,
+                episode_length=sum(self.lenbuffer) / len(self.lenbuffer) if self.lenbuffer else None,
+                error_mm=error_mm,
+                cost=cost,
+                learning_rate=rest["learning_rate"],
+                seconds_left=sum(self._recent_s) / len(self._recent_s) * (total_it - it - 1),
+            )
+        )
+
+    def state_dict(self) -> dict[str, Any]:
+        """What an exact resume needs: totals, unfinished episodes, and the last finished ones."""
+        state = {name: getattr(self, name) for name in (*_NUMBERS, *_TENSORS)}
+        return state | {name: list(getattr(self, name)) for name in _BUFFERS}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Continue from a `state_dict`."""
+        for name in _NUMBERS:
+            setattr(self, name, state[name])
+        for name in _TENSORS:
+            getattr(self, name).copy_(state[name])
+        for name in _BUFFERS:
+            setattr(self, name, deque(state[name], maxlen=getattr(self, name).maxlen))
+
+    def _mean(self, name: str) -> float:
+        """Mean over this iteration's steps of one of the environment's measurements."""
+        return float(torch.stack([step[name] for step in self.ep_extras]).mean())
+
+    def _store_code_state(self) -> list[str]:
+        # provenance.yaml holds the commit; the state of an unrelated checkout around the run is not copied.
+        return []

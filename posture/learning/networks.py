@@ -1,0 +1,81 @@
+"""The actor and the critic of a run, built from its configuration, and the policy loaded from a checkpoint.
+
+This needs neither the environment nor the physics, so a checkpoint that does not fit is refused before physics is built.
+"""
+
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+from rsl_rl.models import MLPModel
+from tensordict import TensorDict
+
+from posture.config.errors import ConfigError
+from posture.config.train import TrainConfig
+
+OBSERVATION_SIZES = {
+    "torso_height": 1,
+    "torso_velocity": 3,
+    "torso_angular_velocity": 3,
+    "torso_pitch": 1,
+    "torso_motion": 3,
+    "torso_orientation": 3,
+    "joint_angle": 4,
+    "joint_velocity": 4,
+    "hip_ankle_angle": 2,
+    "hip_ankle_velocity": 2,
+    "joint_force": 4,
+    "foot_position": 6,
+    "feet_place": 2,
+    "foot_wrench": 12,
+    "sole_load": 2,
+    "head": 2,
+    "last_action": 4,
+    "last_command": 2,
+    "target": 1,
+    "target_velocity": 1,
+    "target_error": 1,
+}
+"""Number of values of each term of `envs.task.observations.TERMS`."""
+NUM_ACTIONS = 2
+"""Commands that the policy gives: `envs.body.joints.KINDS`."""
+
+
+def network(run: TrainConfig, name: Literal["actor", "critic"]) -> MLPModel:
+    """The actor or the critic that `run` trains, with initial weights."""
+    sizes = {group: sum(OBSERVATION_SIZES[term] for term in terms) for group, terms in run.env.observations.items()}
+    observations = TensorDict({group: torch.zeros(1, size) for group, size in sizes.items()}, batch_size=[1])
+    groups = {name: list(getattr(run.agent.obs_groups, name))}
+    config = getattr(run.agent, name).model_dump(mode="json", exclude={"class_name"})
+    return MLPModel(observations, groups, name, NUM_ACTIONS if name == "actor" else 1, **config)
+
+
+def load_policy(content: dict[str, Any], run: TrainConfig, model: Path, device: str | torch.device) -> MLPModel:
+    """The deterministic policy in the `content` of checkpoint `model`. Raises ConfigError if it does not fit `run`."""
+    return load_network(content, run, "actor", model).to(device).eval()
+
+
+def load_network(content: dict[str, Any], run: TrainConfig, name: Literal["actor", "critic"], model: Path) -> MLPModel:
+    """The network `name` of `run` with the weights of a checkpoint. Raises ConfigError unless all fit and are finite."""
+    net = network(run, name)
+    own, saved = net.state_dict(), content.get(f"{name}_state_dict")
+    problem = f"{model}: does not hold this run's {'policy' if name == 'actor' else 'value function'}"
+    if not isinstance(saved, dict):
+        raise ConfigError(f"{problem} (no {name}_state_dict)")
+    if saved.keys() != own.keys():
+        wrong = sorted(map(str, saved.keys() ^ own.keys()))
+        raise ConfigError(f"{problem} (too much or missing: {', '.join(wrong):.150})")
+    for key, value in own.items():
+        given = saved[key]
+        if not isinstance(given, torch.Tensor) or given.shape != value.shape or given.dtype != value.dtype:
+            raise ConfigError(f"{problem} ({key} is {_describe(given)}; allowed is {_describe(value)})")
+        if not bool(given.isfinite().all()):
+            raise ConfigError(f"{model}: {key} holds weights that are not finite")
+    net.load_state_dict(saved)
+    return net
+
+
+def _describe(value: Any) -> str:
+    if not isinstance(value, torch.Tensor):
+        return type(value).__name__
+    return f"{str(value.dtype).removeprefix('torch.')} of shape {tuple(value.shape)}"

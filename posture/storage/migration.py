@@ -1,0 +1,31 @@
+"""Saved configurations of earlier versions, brought up to date one version at a time.
+
+config.yaml has a `version`; files without one are of version 1. A change of the keys raises VERSION and adds a function.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from posture.config.errors import ConfigError
+
+VERSION = 2
+
+
+def upgrade(values: dict[str, Any], file: Path) -> dict[str, Any]:
+    """The content of `file`, a config.yaml of any version, as one of version `VERSION`, without the key `version`."""
+    version = values.pop("version", 1)
+    if type(version) is not int or not 1 <= version <= VERSION:
+        raise ConfigError(f"{file}: version = {version!r:.80}: allowed is a whole number from 1 to {VERSION}")
+    for number in range(version, VERSION):
+        values = UPGRADES[number](values)
+    return values
+
+
+def _from_1(values: dict[str, Any]) -> dict[str, Any]:
+    """The paper's tables were copied into each run."""
+    return {key: value for key, value in values.items() if key != "paper"}
+
+
+UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _from_1}
+"""By version, the function that gives the version after it."""

@@ -1,0 +1,46 @@
+"""The least cost against the optimiser and the transition of posture.theory; requests whose arguments keep changing."""
+
+import math
+from concurrent.futures import Future
+
+import numpy as np
+import pytest
+
+from posture.play.theory_worker import TheoryRequest, least_cost
+from posture.theory.motion import joint_arrays
+from posture.theory.optimum import bound
+from posture.theory.stander import linearise
+from posture.theory.transition import hip_ankle_correlation
+
+
+def test_least_cost_and_transition_frequency(body, config):
+    found, stander = least_cost(body, config, 0.025, np.linspace(0.05, 1.5, 16)), linearise(body, config)
+    for freq in (0.1, 0.62, 1.33):
+        torque = joint_arrays(bound(stander, freq, 0.1, 0.025))[0]
+        assert found.at(freq) == pytest.approx(np.mean(np.sum((torque / 100.0) ** 2, axis=1)), rel=0.01)
+    for side in (-0.01, 0.01):
+        assert hip_ankle_correlation(bound(stander, found.transition + side, 0.1, 0.025)) * side < 0
+
+
+def test_least_cost_is_nan_where_no_motion_is_feasible(body, env_config):
+    assert math.isnan(least_cost(body, env_config("env.amplitude=0.6"), 0.025, np.array([0.1, 1.5])).at(1.5))
+
+
+def test_one_call_at_a_time_and_the_newest_arguments_next():
+    calls = []
+
+    class Worker:
+        def submit(self, function, *arguments):
+            calls.append((Future(), function, arguments))
+            return calls[-1][0]
+
+    def finish(call):
+        future, function, arguments = call
+        future.set_result(function(*arguments))
+
+    request = TheoryRequest(Worker(), lambda x: 2 * x)
+    assert not any(request.ready(x, x) for x in (1, 2, 3)) and len(calls) == 1
+    finish(calls[0])
+    assert not request.ready(3, 3) and request.result == 2
+    finish(calls[1])
+    assert request.ready(3, 3) and request.result == 6 and len(calls) == 2

@@ -1,0 +1,54 @@
+"""Saved configurations of earlier versions stay readable."""
+
+import shutil
+
+import pytest
+import yaml
+
+from posture.config.errors import ConfigError
+from posture.storage.migration import UPGRADES, VERSION
+from posture.storage.run_dir import PRETRAINED, read_config
+
+
+@pytest.fixture
+def run(sound, tmp_path):
+    return shutil.copytree(sound, tmp_path / "run")
+
+
+def rewrite(run, **changes):
+    values = yaml.safe_load((run / "config.yaml").read_text())
+    values.update(changes)
+    (run / "config.yaml").write_text(yaml.safe_dump({key: value for key, value in values.items() if value != "absent"}))
+
+
+def test_a_run_is_saved_with_the_current_version_and_without_the_published_tables(run):
+    values = yaml.safe_load((run / "config.yaml").read_text())
+    assert values["version"] == VERSION and "paper" not in values
+
+
+def test_there_is_an_upgrade_from_every_earlier_version():
+    assert sorted(UPGRADES) == list(range(1, VERSION))
+
+
+def test_version_1_has_no_number_and_holds_the_published_tables(run):
+    expected = read_config(run)
+    rewrite(run, version="absent", paper={"table_1": {"mass_kg": 40.15}, "table_9": "unknown"})
+    assert read_config(run) == expected
+
+
+@pytest.mark.parametrize("version", [0, VERSION + 1, "2", 1.5, None, [1], True])
+def test_an_unknown_version_is_refused(run, version):
+    rewrite(run, version=version)
+    with pytest.raises(ConfigError, match=rf"config.yaml: version = .*: allowed is a whole number from 1 to {VERSION}"):
+        read_config(run)
+
+
+def test_keys_that_no_version_had_are_still_refused(run):
+    rewrite(run, version="absent", papers={})
+    with pytest.raises(ConfigError, match="papers: no such key"):
+        read_config(run)
+
+
+@pytest.mark.parametrize("folder", [path.parent for path in PRETRAINED.glob("*/config.yaml")], ids=lambda path: path.name)
+def test_shipped_policies_are_readable(folder):
+    assert read_config(folder).max_iterations >= 500
