@@ -1,6 +1,6 @@
 """Bootstrap intervals are computed once for the same values: made-up results repeat them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 
 import pytest
@@ -15,10 +15,12 @@ def _bootstrap(values: tuple[float, ...]) -> tuple[float, float, float]:
     return bootstrap_mean(values)
 
 
-@pytest.fixture(autouse=True)
-def _cached_bootstrap(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(autouse=True, scope="package")
+def _cached_bootstrap() -> Iterator[None]:
     def cached(values: Sequence[float]) -> tuple[float, float, float]:
         return _bootstrap(tuple(map(float, values)))
 
-    for module in (seed_means, seed_curves):
-        monkeypatch.setattr(module, "bootstrap_mean", cached)
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (seed_means, seed_curves):
+            patch.setattr(module, "bootstrap_mean", cached)
+        yield
