@@ -43,12 +43,10 @@ NEEDS_A_SIMULATOR = {
     "posture.theory.tables",
     "posture.theory.transition",
     "posture.drawing.silhouette",
-    "posture.reproduce.figures.all_figures",
+    "posture.reproduce.collect",
+    "posture.reproduce.figures.draw",
     "posture.reproduce.figures.traces",
-    "posture.reproduce.page.document",
-    "posture.reproduce.page.provenance",
-    "posture.reproduce.page.tables",
-    "posture.reproduce.results",
+    "posture.reproduce.page.report",
     "posture.reproduce.ship",
 }
 
