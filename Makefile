@@ -49,8 +49,8 @@ benchmark: setup ## measure engines and learners (long); installs gymnasium and 
 	$(BIN)/python benchmarks/engines.py
 	$(BIN)/python benchmarks/learners.py
 
-test: setup ## run the quick tests; pytest options in ARGS
-	$(BIN)/python -m pytest $(ARGS)
+test: setup ## run the quick tests, on several cores; pytest options in ARGS
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal --durations 40 $(ARGS)
 
 test-slow: setup ## run the slow tests alone; pytest options in ARGS
 	$(BIN)/python -m pytest -m slow $(ARGS)

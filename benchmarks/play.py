@@ -16,13 +16,11 @@ import time
 from pathlib import Path
 from typing import Any
 
-import hydra
 from playwright.sync_api import sync_playwright
 from shared import write
 
-from posture.cli.jobs import CONF, plain
+from posture.cli import jobs
 from posture.config.play import PlayConfig
-from posture.config.reading import read
 from posture.play.policies import policy_choices
 from posture.play.server import running
 
@@ -37,9 +35,7 @@ def main() -> None:
     parser.add_argument("--visitors", type=int, default=1)
     parser.add_argument("--csv", type=Path, default=Path(__file__).with_name("play.csv"))
     arguments = parser.parse_args()
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        overrides = ["port=0", f"visitors={arguments.visitors}"]
-        config = read(PlayConfig, plain(hydra.compose("play", overrides)))
+    config = jobs.compose("play", PlayConfig, "port=0", f"visitors={arguments.visitors}")
     chromium = shutil.which("chromium")
     if chromium is None:
         sys.exit("no chromium on this machine")

@@ -11,19 +11,16 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import hydra
 import torch
 import warp as wp
 
-from posture.cli.jobs import CONF, plain
-from posture.config.reading import read
+from posture.cli import jobs
 from posture.config.train import TrainConfig
 
 
 def compose(*overrides: str) -> TrainConfig:
     """The checked training configuration that these overrides give."""
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        return read(TrainConfig, plain(hydra.compose("train", list(overrides))))
+    return jobs.compose("train", TrainConfig, *overrides)
 
 
 def timed(device: str, work: Callable[[], Any]) -> float:

@@ -10,25 +10,25 @@ python -m posture.eval policy=lqr                        # the model-based contr
 from dataclasses import replace
 from pathlib import Path
 
-from posture.analysis.results import Result, write_csv
 from posture.cli import entry
-from posture.cli.jobs import identity
-from posture.cli.ranges import override_slug
+from posture.cli.jobs import identity, override_slug
 from posture.cli.sweep import status
 from posture.config.errors import ConfigError
 from posture.config.eval import EnvChanges, EvalConfig
 from posture.config.train import TrainConfig
-from posture.storage import checkpoint, run_dir
+from posture.storage import run_dir
+
+# Modules that import torch or the physics are imported inside functions: bad input must not wait for them.
 
 
 def evaluate_all(config: EvalConfig, job: Path) -> None:
-    """Evaluate every checkpoint that `ckpt` means, each into its own folder; of several also one table of all.
+    """Evaluate every checkpoint that `ckpt` names, each into its own folder; several also share one table.
 
-    `job`: the folder of a sweep's job, which holds that table, and all else too where the sweep is an experiment's.
+    `job`: the folder of a sweep's job. The shared table goes there, and so does everything else where the
+    sweep is that of an experiment.
     """
     out = None if config.out is None else run_dir.writable(Path(config.out))
     if config.policy == "lqr":
-        # Only now, so that bad input is answered before physics takes seconds to import.
         from posture.evaluation.trial import evaluate_lqr
 
         folder = out or Path(run_dir.folder_for(str(run_dir.RUNS), None)) / "evaluation"
@@ -37,14 +37,16 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
     in_experiment = entry.in_sweep() and entry.experiment() is not None
     models = run_dir.find_checkpoints(config.ckpt, only_current if in_experiment else None)
     runs = [run_dir.read_config(model.parent) for model in models]
+    # All checkpoints are checked, which needs torch but no physics, before the first is evaluated.
     from posture.learning.networks import load_policy
+    from posture.storage import checkpoint
 
     for model, run in zip(models, runs, strict=True):
         load_policy(checkpoint.load(model, "cpu"), run, model, "cpu")
-    # Only now, so that a checkpoint that is none, or another run's, is told of before physics takes seconds to import.
+    from posture.analysis.results import Result, write_csv
     from posture.evaluation.trial import evaluate, origin
 
-    everything: list[Result] = []
+    results: list[Result] = []
     home = None
     for model, run in zip(models, runs, strict=True):
         if run_dir.is_shipped(model):
@@ -56,18 +58,18 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
         if in_experiment and out is None:
             folder = job / model.parent.name
         rows = evaluate(model, run, config.evaluation, config.env, config.device, folder, config.again)
-        everything += [replace(row, origin=origin(run, config.env, model.parent.name)) for row in rows]
+        results += [replace(row, origin=origin(run, config.env, model.parent.name)) for row in rows]
     if len(models) > 1 or in_experiment:
         table = (out or (job if entry.in_sweep() else Path(config.ckpt))) / "metrics.csv"
-        write_csv(everything, table)
+        write_csv(results, table)
         print(f"all runs: {table}")
 
 
 def only_current(run: Path) -> bool:
-    """Of an experiment's sweep folder, whether `run` is finished and of the present code; any other run counts."""
+    """Whether `run` is finished and of the current code if it is a job of an experiment; True for any other run."""
     state = status(run).get("state")
     if state is None:
-        return True  # no job of a sweep
+        return True  # not a job of a sweep
     try:
         return state == "done" and run.name.endswith(identity(run_dir.read_config(run)))
     except ConfigError:
@@ -75,8 +77,11 @@ def only_current(run: Path) -> bool:
 
 
 def folder_name(model: Path, run: TrainConfig, changes: EnvChanges) -> str:
-    """`evaluation` for the policy that a training ends with, as trained; other checkpoints and changed subjects have folders
-    of their own. So has the newest one of a training that goes on: its end writes to `evaluation`."""
+    """Name of the folder of an evaluation: `evaluation` for the final policy in the environment that it was trained in.
+
+    Other checkpoints and changed environments have folders of their own, and so does the newest checkpoint of an unfinished
+    training, because `evaluation` is for the final one.
+    """
     changed = {key: value for key, value in changes.model_dump().items() if value is not None}
     newest = model == run_dir.newest_model(model.parent)
     parts = [] if newest and run_dir.iteration_of(model) >= run.max_iterations else [model.stem]

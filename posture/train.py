@@ -11,30 +11,34 @@ from posture.cli import entry
 from posture.config.device import check_device, check_engine
 from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
-from posture.learning import parallel
-from posture.learning.progress import preparing
-from posture.learning.resume import iterations_done
 from posture.storage import atomic, provenance, run_dir
 from posture.storage.lock import locked
 
+# Modules that import torch or the physics are imported inside functions: bad input must not wait for them.
+
 RESUME_KEYS = {"resume", "max_iterations", "device", "threads", "evaluate"}
-"""What may be changed when a run goes on; all else is the run's own."""
+"""Keys that may differ between a run and its continuation."""
 
 
 def train(config: TrainConfig, folder: Path) -> None:
-    """Run one training job, alone in `folder`; where the folder of an experiment's job holds a part of it, only what is
-    missing."""
+    """Run one training job in `folder`, locked against other processes. A job of an experiment that was stopped goes on from
+    its newest checkpoint."""
     with locked(folder):
+        from posture.learning import parallel
+
         if parallel.rank() == 0:
             atomic.clear(folder)
         _train(config, folder)
 
 
 def _train(config: TrainConfig, folder: Path) -> None:
+    from posture.learning import parallel
+    from posture.learning.resume import iterations_done
+
     if config.resume is not None:
         config = _resumed(config, folder)
-    begun = config.resume is not None or (folder / "resume.pt").exists()
-    done = iterations_done(folder) if begun else 0
+    started_before = config.resume is not None or (folder / "resume.pt").exists()
+    done = iterations_done(folder) if started_before else 0
     if done < config.max_iterations:
         with parallel.worker_processes(config.processes, config.device, _learn, config, folder, done > 0):
             _learn(config, folder, done > 0)
@@ -50,12 +54,13 @@ def _train(config: TrainConfig, folder: Path) -> None:
 
 
 def _learn(config: TrainConfig, folder: Path, resume: bool) -> None:
-    """This process's share of the training; `resume`: go on from the folder's newest state."""
-    # Only now, so that bad input is answered before physics takes seconds to import.
+    """Train this process's share of the worlds; `resume`: continue from the newest checkpoint in `folder`."""
     import torch
 
     from envs.task.head_tracking import HeadTrackingEnv
+    from posture.learning import parallel
     from posture.learning.learner import Learner
+    from posture.learning.progress import preparing
 
     rank, size = parallel.rank(), parallel.size()
     if config.env.num_envs % size:
@@ -74,21 +79,22 @@ def _learn(config: TrainConfig, folder: Path, resume: bool) -> None:
         if resume:
             learner.resume()
             if rank == 0:
-                provenance.write_config(folder, config)  # only now that it is known to fit
+                provenance.write_config(folder, config)  # after `resume` has accepted the checkpoint
     learner.train(config.max_iterations)
 
 
 def _resumed(config: TrainConfig, folder: Path) -> TrainConfig:
-    """The run's own configuration with what the command line may change."""
+    """The configuration of the run in `folder`, with the keys that the command line changes."""
+    from posture.learning.resume import iterations_done
+
     changed = entry.overridden_keys()
     if changed - RESUME_KEYS:
         raise ConfigError(
-            f"resume: {', '.join(sorted(changed - RESUME_KEYS))} cannot be changed on the way; "
+            f"resume: {', '.join(sorted(changed - RESUME_KEYS))} cannot be changed in a run that is resumed; "
             f"allowed beside resume are {', '.join(sorted(RESUME_KEYS - {'resume'}))}"
         )
     own = run_dir.read_config(folder)
-    news = {key: getattr(config, key) for key in changed}
-    merged = own.model_copy(update=news)
+    merged = own.model_copy(update={key: getattr(config, key) for key in changed})
     check_device(merged.device)
     try:
         check_engine(merged.env.physics, merged.device)

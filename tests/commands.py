@@ -30,6 +30,13 @@ TINY = [
     "evaluation.transient=0.1",
     "evaluation.freq=[0.5,1.5]",
 ]
+TINY_THEORY = [
+    "evaluation.freq=[0.3]",
+    "experiment_3.hip_k=[100]",
+    "experiment_4b.step=4",
+    "figure_13={hip_k: [50, 100], freq: [0.3, 0.5], step: 0.2}",
+    "around={ankle_k: [25], load: [0], tolerance: [0.025]}",
+]
 ENTRIES = {
     "train": (TrainConfig, train),
     "eval": (EvalConfig, evaluate_all),

@@ -9,7 +9,7 @@ from zipfile import ZipFile
 
 import pytest
 
-from tests.commands import TINY
+from tests.commands import TINY, TINY_THEORY
 
 ROOT = Path(__file__).parents[1]
 PIP = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
@@ -75,7 +75,7 @@ def test_content(wheel: Path) -> None:
 def test_from_another_folder(site: Path, tmp_path: Path) -> None:
     where = installed(site, tmp_path, "-c", "import envs, posture; print(envs.__file__, posture.__file__, sep='\\n')")
     assert [Path(line).parents[1] for line in where.stdout.split()] == [site, site]
-    works(site, tmp_path, "posture.theory", "evaluation.freq=[0.3]", "out=theory")
+    works(site, tmp_path, "posture.theory", *TINY_THEORY, "out=theory")
     assert list(tmp_path.glob("theory/*.csv"))
     refused = installed(site, tmp_path, "-m", "posture.train", "env.hipk=5")
     assert refused.returncode == 2

@@ -28,8 +28,7 @@ def correlation(a: Array, b: Array) -> float:
     """Pearson correlation [-] of two signals (T,); nan where one is constant. Source: paper Table 3."""
     if np.ptp(a) == 0 or np.ptp(b) == 0:
         return math.nan
-    a, b = ((signal - signal.mean()) / np.ptp(signal) for signal in (a, b))
-    return float(a @ b / math.sqrt((a @ a) * (b @ b)))
+    return float(np.corrcoef(a, b)[0, 1])
 
 
 def mode(hip_ankle_r: float) -> str:

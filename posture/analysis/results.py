@@ -144,6 +144,17 @@ class Result:
     least: LeastCost = columns_of("least_", NO_LEAST)
     reward: RewardOptimum = columns_of("reward_", NO_REWARD)
 
+    @property
+    def outcome(self) -> str:
+        """The mode; of a world that is not valid, why."""
+        if self.fell:
+            return f"fell at {self.fall_time_s:.1f} s"
+        return self.mode if self.valid else "not finite"
+
+
+Value = Callable[[Result], float]
+"""How a number is taken from a result: a column, or what is computed from several."""
+
 
 def as_row(record: Any) -> Row:
     """A `Result`, or another dataclass with such fields, as a flat row; groups that it does not have are left out."""

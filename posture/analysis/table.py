@@ -1,21 +1,23 @@
 """Tables of results, one line for each row: for the terminal and for Markdown. The table of an evaluation.
 
-`paper` is the content of conf/paper.yaml. Where a world's frequency is one of paper Table 3, the published values stand
-beside ours; pass None where the other conditions are not those of that table.
+Where a world's frequency is one of paper Table 3, the published values stand beside ours; pass None for `published` where
+the other conditions are not those of that table.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
-from tabulate import tabulate
+import tabulate
 
 from posture.analysis.results import NO_LEAST, Result
+from posture.config.published import Table3
 
-Paper = Mapping[str, Any] | None
+tabulate.MIN_PADDING = 0  # no more than the two spaces between columns, so that a table fits a terminal
+
 T = TypeVar("T")
 
 
@@ -49,45 +51,37 @@ def _layout(rows: Iterable[T], columns: Sequence[Column[T]], layout: str) -> str
     separator = "\n" if layout == "simple" else " "
     headings = [separator.join(column.heading.rsplit(" ", 1)) for column in columns]
     cells = [[column.cell(row) for column in columns] for row in rows]
-    return tabulate(cells, headings, layout, stralign="right", disable_numparse=True)
+    return tabulate.tabulate(cells, headings, layout, stralign="right", disable_numparse=True)
 
 
-def evaluation_columns(rows: Sequence[Result], paper: Paper) -> list[Column[Result]]:
+def evaluation_columns(rows: Sequence[Result], published: Table3 | None) -> list[Column[Result]]:
     """The columns of an evaluation's table.
 
     Stiffness and load are shown where the rows differ in them, and values of the paper where it has one of the frequencies.
     Where the rows have the motion of least cost, its ratio and correlation are shown with the shares of time beyond the
     tolerance and with a foot not flat, since the least cost is a bound only where both are zero.
     """
-    published = any(table_3_at(row.freq_hz, paper) for row in rows)
+    beside = published is not None and any(_index(published, row.freq_hz) is not None for row in rows)
     columns: list[Column[Result]] = [Column("f [Hz]", lambda row: "ramp" if math.isnan(row.freq_hz) else row.freq_hz, "g")]
     columns += [column for column in _CONDITIONS if len({column.get(row) for row in rows}) > 1]
-    for name, column in _PUBLISHED.items():
+    for column, value in _PUBLISHED:
         columns.append(column)
-        if published:
-            columns.append(Column("paper", _paper_value(paper, name), column.format))
+        if published is not None and beside:
+            columns.append(Column("paper", _paper_value(published, value), column.format))
     return columns + _MEASURED + (_THEORY if any(row.least is not NO_LEAST for row in rows) else [])
 
 
-def table_3_at(freq: float, paper: Paper) -> dict[str, Any]:
-    """The values of paper Table 3 at `freq` [Hz] by the names of conf/paper.yaml; empty at other frequencies."""
-    table = (paper or {}).get("table_3", {})
-    for i, published in enumerate(table.get("freq_hz", ())):
-        if math.isclose(published, freq, rel_tol=1e-6):
-            row = {name: table[name][i] for name in _PUBLISHED if name in table}
-            return row | ({"mode": f"{row['mode']}-phase"} if "mode" in row else {})
-    return {}
+def _index(published: Table3, freq: float) -> int | None:
+    """Place of `freq` [Hz] in the table; None if it is not in it."""
+    return next((i for i, f in enumerate(published.freq_hz) if math.isclose(f, freq, rel_tol=1e-6)), None)
 
 
-def outcome(row: Result) -> str:
-    """The mode of a world; where it is not valid, why."""
-    if row.fell:
-        return f"fell {row.fall_time_s:.1f} s"
-    return row.mode if row.valid else "not finite"
+def _paper_value(published: Table3, value: Callable[[Table3, int], float | str]) -> Callable[[Result], float | str]:
+    def get(row: Result) -> float | str:
+        i = _index(published, row.freq_hz)
+        return math.nan if i is None else value(published, i)
 
-
-def _paper_value(paper: Paper, name: str) -> Callable[[Result], float | str]:
-    return lambda row: table_3_at(row.freq_hz, paper).get(name, math.nan)
+    return get
 
 
 _CONDITIONS: list[Column[Result]] = [
@@ -95,13 +89,13 @@ _CONDITIONS: list[Column[Result]] = [
     Column("ankle k [Nm/rad]", lambda row: row.ankle_k_nm_per_rad, "g"),
     Column("load [kg]", lambda row: row.load_kg, "g"),
 ]
-# By the names of the columns of table_3 in conf/paper.yaml.
-_PUBLISHED: dict[str, Column[Result]] = {
-    "mode": Column("mode", outcome),
-    "target_head_r": Column("target-head r", lambda row: row.target_head_r, ".4f"),
-    "head_amplitude_m": Column("amplitude [m]", lambda row: row.head_amplitude_m, ".4f"),
-    "head_speed_mps": Column("speed [m/s]", lambda row: row.head_speed_mps, ".4f"),
-}
+# With the values of the same quantity in the paper.
+_PUBLISHED: list[tuple[Column[Result], Callable[[Table3, int], float | str]]] = [
+    (Column("mode", lambda row: row.outcome), lambda paper, i: f"{paper.mode[i]}-phase"),
+    (Column("target-head r", lambda row: row.target_head_r, ".4f"), lambda paper, i: paper.target_head_r[i]),
+    (Column("amplitude [m]", lambda row: row.head_amplitude_m, ".4f"), lambda paper, i: paper.head_amplitude_m[i]),
+    (Column("speed [m/s]", lambda row: row.head_speed_mps, ".4f"), lambda paper, i: paper.head_speed_mps[i]),
+]
 _MEASURED: list[Column[Result]] = [
     Column("hip-ankle r", lambda row: row.hip_ankle_r, ".3f"),
     Column("phase [deg]", lambda row: row.relative_phase_deg, ".0f"),

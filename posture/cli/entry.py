@@ -1,6 +1,7 @@
-"""The one way from a command line to a task: Hydra composes, we check, bad input ends in one line and exit code 2.
+"""From a command line to a task: Hydra composes the configuration, and we check it.
 
-Of a sweep every job is checked before the first begins; one that fails does not stop the others, and the end names it.
+Bad input is answered in one line and exit code 2. Every job of a sweep is checked before the first one starts. A job that
+fails does not stop the others; the summary names it.
 """
 
 import contextlib
@@ -21,76 +22,62 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 from pydantic import BaseModel
 
 from posture.cli import jobs, signals, sweep
-from posture.cli.ranges import expand_ranges
 from posture.config.errors import ConfigError, RunError
 from posture.config.published import CONF
 from posture.config.reading import read
 
 Config = TypeVar("Config", bound=BaseModel)
 
+_BAD_INPUT = (ConfigError, HydraException, OmegaConfBaseException)
+
 
 def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> None:
-    """Compose conf/`name`.yaml with the command line's overrides, check it as `kind`, and call `task(config, folder)` for
-    each job, where `folder` is the job's own. Exits with 2 on bad input, with 1 where a job failed at run time, and with 130
-    or 143 where SIGINT or SIGTERM stopped it."""
-    with signals.handled():
-        _run(name, kind, task)
+    """Run a command: `task(config, folder)` for each job of the command line, `folder` being the job's own.
 
-
-def _run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> None:
-    # Hydra would print errors of a task its own way and exit with 1; they are ours to report.
+    The configuration is conf/`name`.yaml with the command line's overrides, checked as `kind`. Exits with 2 on bad input,
+    with 1 if a job failed at run time, and with 130 or 143 if SIGINT or SIGTERM stopped it.
+    """
+    # Hydra would otherwise print a task's errors itself and exit with 1.
     os.environ["HYDRA_FULL_ERROR"] = "1"
-    # Not that of __main__, which the processes of a parallel sweep could not import.
+    # The processes of a parallel sweep cannot import a function of __main__.
     if task.__module__ == "__main__":
         spec = sys.modules["__main__"].__spec__
         assert spec is not None  # started by python -m
         task = getattr(importlib.import_module(spec.name), task.__name__)
-    try:
-        command = jobs.check(name, kind, _expanded(sys.argv[1:]))
-        sys.argv[1:] = command.argv
-        start = hydra.main(version_base="1.3", config_path=str(CONF), config_name=name)
-        if command.launcher is None:
-            start(lambda composed: _alone(kind, task, composed))()
-            return
-        quiet = command.launcher != "basic"
-        standing = sweep.Standing(command.jobs)
-        announced = {} if quiet else {os.path.abspath(job.folder): i for i, job in enumerate(command.jobs, 1)}
-
-        def job(composed: DictConfig) -> None:
-            folder = Path(HydraConfig.get().runtime.output_dir)
-            if str(folder) in announced:
-                print(f"== job {announced[str(folder)]} of {len(announced)}, {folder.name}", flush=True)
-            sweep.guarded(lambda: task(read(kind, jobs.plain(composed)), folder), folder, quiet)
-            if announced:
-                print(f"sweep: {standing.line()}", flush=True)
-
-        with sweep.told(standing, "sweep") if quiet else contextlib.nullcontext():
-            _sweep(start(job))
-    except (ConfigError, HydraException, OmegaConfBaseException) as error:
-        _refuse(error)
-    if not sweep.sum_up(command.jobs, standing.before):
+    with signals.handled():
+        try:
+            command = jobs.check(name, kind, sys.argv[1:])
+            sys.argv[1:] = command.argv
+            if command.launcher is None:
+                _start(command, lambda composed: _run_single(kind, task, composed))
+                return
+            progress = sweep.SweepProgress(command.jobs)
+            _run_sweep(command, kind, task, progress)
+        except _BAD_INPUT as error:
+            _refuse(error)
+    if not sweep.print_summary(command.jobs, progress.done_before):
         sys.exit(1)
 
 
 def in_sweep() -> bool:
-    """Whether the present job is one of a sweep."""
+    """Whether the current job is part of a sweep."""
     return bool(HydraConfig.get().mode == RunMode.MULTIRUN)
 
 
 def experiment() -> str | None:
-    """The experiment of conf/experiment/ that the present job belongs to, if any."""
+    """The experiment of conf/experiment/ that the current job belongs to, if any."""
     return HydraConfig.get().runtime.choices.get("experiment")
 
 
 def overridden_keys() -> set[str]:
-    """Keys that the present job's command line sets."""
+    """Keys that the current job's command line sets."""
     return {override.split("=", 1)[0].lstrip("+~") for override in HydraConfig.get().overrides.task}
 
 
 def one_line(error: Exception) -> str:
-    """An error's message without line breaks and without what Hydra and OmegaConf add for their own developers."""
+    """An error's message without line breaks and without the details that Hydra and OmegaConf add for developers."""
     cause = error.__cause__
-    if isinstance(cause, ConfigError):  # raised while a folder's name was resolved
+    if isinstance(cause, ConfigError):  # raised by one of our resolvers
         return str(cause)
     if isinstance(cause, (ConfigAttributeError, ConfigKeyError)) and cause.parent_node is not None:
         return f"{cause.full_key}: no such key; allowed there are {', '.join(map(str, cause.parent_node))}"
@@ -102,36 +89,44 @@ def one_line(error: Exception) -> str:
     return " ".join(text.split())
 
 
-def _sweep(start: Callable[[], None]) -> None:
-    """Run a sweep. Where its launcher breaks (a process was killed, a cluster's job ran out of time), say so.
-
-    What is done, the jobs' folders tell.
-    """
-    try:
-        start()
-    except (ConfigError, HydraException, OmegaConfBaseException):
-        raise
-    except Exception as error:
-        print(f"error: the launcher stopped: {type(error).__name__}: {one_line(error)}", file=sys.stderr)
-
-
-def _alone(kind: type[Config], task: Callable[[Config, Path], None], composed: DictConfig) -> None:
+def _run_single(kind: type[Config], task: Callable[[Config, Path], None], composed: DictConfig) -> None:
     try:
         task(read(kind, jobs.plain(composed)), Path(HydraConfig.get().runtime.output_dir))
     except ConfigError as error:
-        _refuse(error)  # here, since Hydra would add lines of its own
+        _refuse(error)  # not further up, because Hydra adds lines of its own
     except (FloatingPointError, RunError, OSError) as error:
         print(f"error: {one_line(error)}", file=sys.stderr)
         sys.exit(1)
 
 
+def _run_sweep(
+    command: jobs.Command, kind: type[Config], task: Callable[[Config, Path], None], progress: sweep.SweepProgress
+) -> None:
+    """Run all jobs. The basic launcher announces each of them; others, which run several at once, report at intervals."""
+    parallel = command.launcher != "basic"
+    numbers = {} if parallel else {os.path.abspath(job.folder): number for number, job in enumerate(command.jobs, 1)}
+
+    def run_job(composed: DictConfig) -> None:
+        folder = Path(HydraConfig.get().runtime.output_dir)
+        if str(folder) in numbers:
+            print(f"== job {numbers[str(folder)]} of {len(numbers)}, {folder.name}", flush=True)
+        sweep.run_job(lambda: task(read(kind, jobs.plain(composed)), folder), folder, to_log=parallel)
+        if numbers:
+            print(f"sweep: {progress.line()}", flush=True)
+
+    with sweep.report_periodically(progress, "sweep") if parallel else contextlib.nullcontext():
+        try:
+            _start(command, run_job)
+        except _BAD_INPUT:
+            raise
+        except Exception as error:  # a process was killed, or a cluster job ran out of time
+            print(f"error: the launcher stopped: {type(error).__name__}: {one_line(error)}", file=sys.stderr)
+
+
+def _start(command: jobs.Command, job: Callable[[DictConfig], None]) -> None:
+    hydra.main(version_base="1.3", config_path=str(CONF), config_name=command.config_name)(job)()
+
+
 def _refuse(error: Exception) -> NoReturn:
     print(f"error: {one_line(error)}", file=sys.stderr)
     sys.exit(2)
-
-
-def _expanded(argv: list[str]) -> list[str]:
-    try:
-        return expand_ranges(argv)
-    except ValueError as error:
-        raise ConfigError(str(error)) from None

@@ -1,32 +1,35 @@
-"""The jobs of a command line: each composed and checked before the first begins, with the folder that it will have.
+"""The jobs of a command line, each composed and checked before the first one starts.
 
-A slip in the last of eight values thus does not surface after seven trainings, and a sweep can be watched and summed up from
-its folders alone, whichever of Hydra's launchers runs it.
+A mistake in the last of eight swept values is thus reported at once, not after seven trainings. The folder of every job is
+known in advance, so a sweep can be monitored from its folders alone, whichever Hydra launcher runs it.
 """
 
+import argparse
 import contextlib
 import errno
 import hashlib
+import itertools
 import json
+import math
 import os
 import re
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn, TypeVar
 
 import hydra
-from hydra._internal.core_plugins.basic_sweeper import BasicSweeper
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override
+from hydra.core.override_parser.types import Override, Quote, QuotedString
 from hydra.errors import HydraException
+from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from pydantic import BaseModel
 
-from posture.cli.ranges import override_slug
+from posture.cli.ranges import expand_ranges
 from posture.config.device import check_device
 from posture.config.errors import ConfigError
 from posture.config.published import CONF, without_published
@@ -35,81 +38,150 @@ from posture.config.train import TrainConfig
 from posture.storage import run_dir
 from posture.storage.code_version import envs_version
 
+Config = TypeVar("Config", bound=BaseModel)
+
 DECIDES_THE_POLICY = {"env", "agent", "seed", "processes", "max_iterations"}
-"""The keys of a training that its policy depends on."""
+"""Keys of a training on which its policy depends."""
+MAX_JOBS = 10_000
+"""Jobs of one sweep; more are taken for a mistake."""
+MAX_SLUG_LENGTH = 80
 
 
 @dataclass(frozen=True)
 class Job:
-    """One job: its checked configuration and its folder. Of a sweep `folder` is known beforehand."""
+    """One job: its checked configuration, and its folder if it is part of a sweep."""
 
     config: BaseModel
     folder: Path
 
     @property
     def name(self) -> str:
-        """What it is called in messages: its sweep and itself."""
+        """Name in messages: that of the sweep and its own."""
         return f"{self.folder.parent.name}/{self.folder.name}"
 
 
 @dataclass(frozen=True)
 class Command:
-    """A command line that has been checked.
+    """A checked command line.
 
-    argv: what Hydra is to be called with. launcher: that of Hydra's which runs the sweep; None where it is no sweep.
+    argv: the arguments for Hydra. config_name: the primary configuration. jobs: empty where only information is shown, as by
+    --help. launcher: the Hydra launcher of a sweep; None if this is not a sweep.
     """
 
     argv: list[str]
+    config_name: str
     jobs: list[Job]
     launcher: str | None
 
 
+class _FlagParser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise ConfigError(f"{message}; --help lists the configuration, --hydra-help the flags")
+
+
+def _flag_parser() -> _FlagParser:
+    """Hydra's flags, except --config-path, which would hide our configuration, and --experimental-rerun."""
+    parser = _FlagParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("overrides", nargs="*")
+    parser.add_argument("--run", "-r", action="store_true")
+    parser.add_argument("--multirun", "-m", action="store_true")
+    parser.add_argument("--config-dir", "-cd")
+    parser.add_argument("--config-name", "-cn")
+    for flags in (["--help", "-h"], ["--hydra-help"], ["--version"], ["--shell-completion", "-sc"]):
+        parser.add_argument(*flags, action="store_true", dest="shows")
+    parser.add_argument("--cfg", "-c", choices=["job", "hydra", "all"])
+    parser.add_argument("--resolve", action="store_true")
+    parser.add_argument("--package", "-p")
+    info = ["all", "config", "defaults", "defaults-tree", "plugins", "searchpath"]
+    parser.add_argument("--info", "-i", nargs="?", const="all", choices=info)
+    return parser
+
+
 def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
-    """Compose conf/`name`.yaml with `argv` and check every job as `kind`. Raises ConfigError and what Hydra raises."""
-    flags = {argument.split("=", 1)[0] for argument in argv if argument.startswith("-")}
-    if flags - {"-m", "--multirun"}:
-        return Command(list(argv), [], None)  # --help, --cfg and the like run no job
-    given = [argument for argument in argv if not argument.startswith("-")]
-    with _input(), hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        if not flags:
-            composed = _composed(name, given)
-            config = _checked(kind, composed)
-            if not Path(composed.hydra.run.dir).is_dir():  # an evaluation need not write where it is started
-                _check_folder(Path(composed.hydra.run.dir))
-            return Command(list(argv), [Job(config, Path())], None)
-        parser = OverridesParser.create(GlobalHydra.instance().config_loader())
-        parsed = parser.parse_overrides(given)
-        fixed = [override for override in parsed if not override.is_sweep_override()]
-        whole = _composed(name, [_text(override) for override in fixed])
-        swept = {str(key): str(value) for key, value in (whole.hydra.sweeper.get("params") or {}).items()}
-        more = []
-        if not any(_key(override) == "hydra.sweep.dir" for override in parsed):
-            # Named once, here: launchers that start processes would each name it anew.
-            folder = str(whole.hydra.sweep.dir).replace("\\", "\\\\").replace("'", "\\'")
-            more.append(f"hydra.sweep.dir='{folder}'")
-        # A job's folder is named by what is swept, not by what all jobs share.
-        shared = [_key(o) for o in fixed if _key(o) not in swept and not _key(o).startswith("hydra")]
-        more.append(f"hydra.job.config.override_dirname.exclude_keys=[{','.join(shared)}]")
-        batches = BasicSweeper.split_arguments(
-            parser.parse_overrides([*(f"{key}={value}" for key, value in swept.items()), *given, *more]), None
-        )
-        jobs = []
-        for number, overrides in enumerate(job for batch in batches for job in batch):
-            composed = _composed(name, [*overrides, f"hydra.job.num={number}"])
-            config = _checked(kind, composed)
-            if getattr(config, "resume", None) is not None:
-                raise ConfigError("resume goes on with one run: not together with -m")
-            jobs.append(Job(config, Path(composed.hydra.sweep.dir) / composed.hydra.sweep.subdir))
-        _check_folders(jobs, Path(str(whole.hydra.sweep.dir)))
-        return Command([*argv, *more], jobs, str(whole.hydra.runtime.choices["hydra/launcher"]))
+    """Compose conf/`name`.yaml with `argv` and check every job as `kind`. Raises ConfigError and Hydra's own errors."""
+    with _errors_are_bad_input():
+        flags = _flag_parser().parse_intermixed_args(list(argv))
+        name = flags.config_name or name
+        if flags.shows or flags.cfg or flags.info:
+            return Command(list(argv), name, [], None)
+        if flags.resolve or flags.package:
+            raise ConfigError("--resolve and --package go together with --cfg")
+        overrides = expand_ranges(flags.overrides)
+        if flags.config_dir is not None:
+            if not Path(flags.config_dir).is_dir():
+                raise ConfigError(f"--config-dir: no such folder: {flags.config_dir}")
+            overrides.append(f"hydra.searchpath=[{_quoted(f'file://{Path(flags.config_dir).absolute()}')}]")
+        with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+            parser = OverridesParser.create(GlobalHydra.instance().config_loader())
+            parsed = parser.parse_overrides(overrides)
+            fixed = [override for override in parsed if not override.is_sweep_override()]
+            common = _compose(name, [str(override.input_line) for override in fixed])
+            if flags.multirun or common.hydra.mode == RunMode.MULTIRUN:
+                return _check_sweep(name, kind, overrides, parsed, common)
+            if len(fixed) < len(parsed):
+                raise ConfigError("several values for one key make a sweep: add -m, or write a list as [a,b]")
+            config = _checked(kind, common)
+            if not Path(common.hydra.run.dir).is_dir():  # an evaluation may be started in a folder that is read-only
+                _check_folder(Path(common.hydra.run.dir))
+            return Command(overrides, name, [Job(config, Path())], None)
+
+
+def _check_sweep(
+    name: str, kind: type[BaseModel], overrides: list[str], parsed: list[Override], common: DictConfig
+) -> Command:
+    """Check every job of a sweep. `common`: composed from those of the `parsed` overrides that are not swept."""
+    if common.hydra.runtime.choices["hydra/sweeper"] != "basic":
+        raise ConfigError("hydra/sweeper: allowed is basic, Hydra's own")
+    swept = {str(key): str(value) for key, value in (common.hydra.sweeper.get("params") or {}).items()}
+    extra = []
+    if not any(override.key_or_group == "hydra.sweep.dir" for override in parsed):
+        # Fixed here: a launcher that starts processes would compute a new name in each.
+        extra.append(f"hydra.sweep.dir={_quoted(common.hydra.sweep.dir)}")
+    # A job's folder is named after what is swept, not after what all jobs share.
+    shared = [key for o in parsed if (key := o.key_or_group) not in swept and not o.is_sweep_override()]
+    extra.append(f"hydra.job.config.override_dirname.exclude_keys=[{','.join(map(_quoted, shared))}]")
+    parser = OverridesParser.create(GlobalHydra.instance().config_loader())
+    every = parser.parse_overrides([*(f"{key}={value}" for key, value in swept.items()), *overrides, *extra])
+    jobs = []
+    for number, own in enumerate(_combinations(every)):
+        composed = _compose(name, [*own, f"hydra.job.num={number}"])
+        config = _checked(kind, composed)
+        if getattr(config, "resume", None) is not None:
+            raise ConfigError("resume continues one run: not together with -m")
+        jobs.append(Job(config, Path(composed.hydra.sweep.dir) / composed.hydra.sweep.subdir))
+    _check_folders(jobs, Path(common.hydra.sweep.dir))
+    return Command(["--multirun", *overrides, *extra], name, jobs, str(common.hydra.runtime.choices["hydra/launcher"]))
+
+
+def _combinations(overrides: Sequence[Override]) -> list[tuple[str, ...]]:
+    """The overrides of each job, in the order of Hydra's basic sweeper. The last override of a key counts."""
+    values: dict[str, list[str]] = {}
+    for override in overrides:
+        key = override.get_key_element()
+        if not override.is_sweep_override():
+            values[key] = [f"{key}={override.get_value_element_as_str()}"]
+        elif override.is_discrete_sweep():
+            few = itertools.islice(override.sweep_string_iterator(), MAX_JOBS + 1)
+            values[key] = [f"{key}={value}" for value in few]
+        else:
+            raise ConfigError(f"{override.input_line}: an interval has no list of values; write a range or the values")
+    if math.prod(map(len, values.values())) > MAX_JOBS:
+        raise ConfigError(f"the sweep has more than {MAX_JOBS:,} jobs")
+    return list(itertools.product(*values.values()))
+
+
+def compose(name: str, kind: type[Config], *overrides: str) -> Config:
+    """The checked configuration conf/`name`.yaml with `overrides`, for use outside a command."""
+    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+        return read(kind, plain(hydra.compose(name, list(overrides))))
 
 
 def plain(composed: DictConfig) -> dict[str, Any]:
-    """The composed configuration, without Hydra's own part and the published numbers, as plain values."""
-    own = OmegaConf.masked_copy(composed, [str(key) for key in composed if key != "hydra"])
-    values = OmegaConf.to_container(own, resolve=True)
-    assert isinstance(values, dict)
-    return without_published({str(key): value for key, value in values.items()})
+    """A composed configuration as plain values, without Hydra's own part and the published numbers."""
+    own = {str(key): composed[key] for key in composed if key != "hydra"}
+    return without_published(
+        {key: OmegaConf.to_container(v, resolve=True) if OmegaConf.is_config(v) else v for key, v in own.items()}
+    )
 
 
 def sweep_folder(parent: str, experiment: str | None) -> str:
@@ -118,10 +190,10 @@ def sweep_folder(parent: str, experiment: str | None) -> str:
 
 
 def job_folder(number: int, overrides: str, experiment: str | None, *, _root_: DictConfig) -> str:
-    """Name of a job's folder within its sweep's. A resolver of conf/.
+    """Name of a job's folder within that of its sweep. A resolver of conf/.
 
-    Of a training in an experiment it ends in a digest of all that its policy depends on, so that the same job finds what it
-    did before, and another never overwrites it.
+    In an experiment the name of a training ends in a digest of all that its policy depends on. The same job thus finds what
+    it did before, and another one never overwrites it.
     """
     slug = override_slug(overrides)
     if experiment is None:
@@ -130,8 +202,25 @@ def job_folder(number: int, overrides: str, experiment: str | None, *, _root_: D
     return f"{slug}_{identity(read(TrainConfig, values))}" if "agent" in values else slug
 
 
+def override_slug(overrides: str) -> str:
+    """Hydra's `override_dirname` as part of a file name: `env.hip_k=25,seed=3` becomes `hip_k-25_seed-3`.
+
+    Only the last part of each key is kept, so different overrides may share a slug: it is a label, not an identifier. A slug
+    of more than 80 characters is cut and ends in a hash of the whole.
+    """
+    words = []
+    for override in re.split(r",(?=[^,=]+=)", overrides):  # not at the commas within a list
+        key, _, value = override.partition("=")
+        words.append("-".join(re.findall(r"[A-Za-z0-9._-]+", f"{re.split('[./]', key)[-1]} {value}")))
+    slug = "_".join(filter(None, words)).lstrip(".-")
+    if len(slug) > MAX_SLUG_LENGTH:
+        digest = hashlib.sha256(overrides.encode()).hexdigest()[:8]
+        slug = f"{slug[: MAX_SLUG_LENGTH - 9]}-{digest}"
+    return slug or "job"
+
+
 def identity(config: TrainConfig) -> str:
-    """Eight hexadecimal digits that stand for a training: its configuration and the code of the physics and the task."""
+    """Eight hexadecimal digits that identify a training: by its configuration and the code of the physics and the task."""
     own = config.model_dump(mode="json", include=DECIDES_THE_POLICY)
     text = json.dumps([own, envs_version()], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:8]
@@ -143,36 +232,37 @@ OmegaConf.register_new_resolver("posture.job_folder", job_folder, replace=True)
 
 
 def _check_folders(jobs: Sequence[Job], sweep: Path) -> None:
-    """Raise ConfigError unless every job has a folder of its own within that of the sweep, in which it can write."""
+    """Raise ConfigError unless every job has a writable folder of its own within that of the sweep."""
     if not jobs:
         raise ConfigError("the sweep is empty: a range or choice has no value in it")
     seen: set[Path] = set()
     for job in jobs:
-        if sweep.resolve() not in job.folder.resolve().parents:
+        folder = job.folder.resolve()
+        if sweep.resolve() not in folder.parents:
             raise ConfigError(
                 f"hydra.sweep.subdir: the job's folder {job.folder} does not lie within that of the sweep, {sweep}"
             )
-        if job.folder.resolve() in seen:
+        if folder in seen:
             raise ConfigError(f"two jobs of the sweep would have the folder {job.folder}: give each value once")
-        seen.add(job.folder.resolve())
+        seen.add(folder)
         _check_folder(job.folder)
 
 
 def _check_folder(folder: Path) -> None:
-    """Raise ConfigError where `folder` is not there and cannot be made, or where it cannot be written to; makes nothing."""
+    """Raise ConfigError if `folder` can be neither written to nor created; creates nothing."""
     try:
-        near = next(place for place in (folder, *folder.absolute().parents) if place.exists() or place.is_symlink())
-        if not near.is_dir():
+        existing = next(place for place in (folder, *folder.absolute().parents) if place.exists() or place.is_symlink())
+        if not existing.is_dir():
             raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
-        with tempfile.TemporaryFile(dir=near):
+        with tempfile.TemporaryFile(dir=existing):
             pass
     except OSError as error:
         raise ConfigError(f"cannot write to the folder {folder}: {error.strerror}") from None
 
 
 @contextlib.contextmanager
-def _input() -> Iterator[None]:
-    """Within it whatever Hydra raises is an answer to the user's input: it meets some of that with errors of Python."""
+def _errors_are_bad_input() -> Iterator[None]:
+    """Turn every error into ConfigError: Hydra answers some bad input with Python's own exceptions."""
     try:
         yield
     except (ConfigError, HydraException, OmegaConfBaseException):
@@ -181,8 +271,8 @@ def _input() -> Iterator[None]:
         raise ConfigError(f"the command line cannot be read: {error}") from None
 
 
-def _composed(name: str, overrides: list[str]) -> DictConfig:
-    return hydra.compose(name, overrides, return_hydra_config=True)
+def _compose(name: str, overrides: Iterable[str]) -> DictConfig:
+    return hydra.compose(name, list(overrides), return_hydra_config=True)
 
 
 def _checked(kind: type[BaseModel], composed: DictConfig) -> BaseModel:
@@ -191,10 +281,5 @@ def _checked(kind: type[BaseModel], composed: DictConfig) -> BaseModel:
     return config
 
 
-def _key(override: Override) -> str:
-    return re.split("@", override.get_key_element().lstrip("+~"))[0]
-
-
-def _text(override: Override) -> str:
-    assert override.input_line is not None
-    return override.input_line
+def _quoted(text: object) -> str:
+    return QuotedString(str(text), Quote.single).with_quotes()

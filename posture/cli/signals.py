@@ -1,4 +1,7 @@
-"""SIGINT (Ctrl-C) and SIGTERM: a training ends its iteration and saves, all else ends at once; exit code 130 or 143."""
+"""SIGINT (Ctrl-C) and SIGTERM: a training finishes its iteration and saves, everything else ends at once.
+
+The exit code is 130 or 143.
+"""
 
 import contextlib
 import os
@@ -10,12 +13,12 @@ from types import FrameType
 from posture import operating_system
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM)
-_asked = 0
+_pending = 0
 _deferring = False
 
 
 class Stopped(SystemExit):
-    """A signal ended the work. As a SystemExit it gives the process its exit code, 128 + the signal, without a traceback."""
+    """A signal ended the process. As a SystemExit it sets the exit code, 128 + the signal, and prints no traceback."""
 
     def __init__(self, number: int) -> None:
         super().__init__(128 + number)
@@ -23,9 +26,9 @@ class Stopped(SystemExit):
 
 @contextlib.contextmanager
 def handled() -> Iterator[None]:
-    """Within it either signal raises `Stopped`, unless this process was started to ignore it."""
+    """In this context either signal raises `Stopped`, unless this process was started with the signal ignored."""
     if threading.current_thread() is not threading.main_thread():
-        yield  # Python lets the main thread alone install handlers
+        yield  # only the main thread may install handlers
         return
     before = {number: signal.getsignal(number) for number in NUMBERS}
     own = {number: handler for number, handler in before.items() if handler not in (signal.SIG_IGN, None)}
@@ -40,32 +43,32 @@ def handled() -> Iterator[None]:
 
 @contextlib.contextmanager
 def deferred() -> Iterator[None]:
-    """Within it the first signal only makes `asked` true, for the work to see when it can end; a second raises `Stopped`."""
-    global _asked, _deferring
+    """In this context the first signal is only noted in `pending`, for work to end cleanly; a second raises `Stopped`."""
+    global _pending, _deferring
     with handled():
-        _asked, _deferring = 0, True
+        _pending, _deferring = 0, True
         try:
             yield
         finally:
-            _asked, _deferring = 0, False
+            _pending, _deferring = 0, False
 
 
-def asked() -> int:
-    """Number of the signal that asked the work within `deferred` to end, or 0."""
-    return _asked
+def pending() -> int:
+    """Number of the signal that was received within `deferred`, or 0."""
+    return _pending
 
 
 @contextlib.contextmanager
 def blocked() -> Iterator[None]:
-    """Within it neither signal is delivered, but afterwards; processes started in it never get one."""
+    """In this context both signals are held back until its end. Processes started in it never receive them."""
     with operating_system.block_signals(NUMBERS):
         yield
 
 
 def _handle(number: int, frame: FrameType | None) -> None:
-    global _asked
-    if not _deferring or _asked:
+    global _pending
+    if not _deferring or _pending:
         raise Stopped(number)
-    _asked = number
-    # Not print: the signal may have come in the middle of one.
-    os.write(2, b"\nwill end after this iteration and save; a second signal ends at once\n")
+    _pending = number
+    # Not print, which the signal may have interrupted.
+    os.write(2, b"\nwill stop after this iteration and save; a second signal stops at once\n")

@@ -1,7 +1,7 @@
-"""A sweep while it runs and when it has ended: what each job's folder says of it, how far all are, and which failed.
+"""A sweep: running its jobs, monitoring them from their folders, and the summary at the end.
 
-A job leaves status.yaml in its folder: its state (running, done or failed), when it began, and of a failed one the error,
-whose traceback is in error.txt. Under a launcher of several processes what a job prints is in log.txt.
+Each job keeps status.yaml in its folder: its state (running, done or failed), its start time, and after a failure the error,
+with the traceback in error.txt. Under a launcher with several processes a job prints to log.txt.
 """
 
 import contextlib
@@ -11,7 +11,6 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,39 +20,30 @@ from posture.config.train import TrainConfig
 from posture.storage import run_dir, yaml_files
 from posture.storage.lock import is_busy, locked
 
-TOLD_EVERY_S = 30.0
-"""Seconds between two lines about a sweep whose jobs do not speak for themselves."""
+REPORT_EVERY_S = 30.0
+"""Seconds between two progress lines of a sweep whose jobs print to files."""
 
 
-def guarded(task: Callable[[], None], folder: Path, quiet: bool) -> None:
-    """Run the job `task` in `folder`, so that its failure is kept there and does not stop the other jobs. A job that another
-    process is at work on is left to it.
+def run_job(task: Callable[[], None], folder: Path, to_log: bool) -> None:
+    """Run `task` as the job in `folder`. Its failure is recorded there and does not stop other jobs.
 
-    `quiet`: what it prints goes to log.txt.
+    A job that another process is running is skipped. `to_log`: redirect its output to log.txt.
     """
     with contextlib.ExitStack() as stack:
         try:
             stack.enter_context(locked(folder))
         except ConfigError as busy:
-            print(f"left out: {busy}", flush=True)
+            print(f"skipped: {busy}", flush=True)
             return
-        about: dict[str, Any] = {
-            "state": "running",
-            "began": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-        }
-        if status(folder).get("state") != "done":  # it stays done if this start is cut short
-            yaml_files.write_yaml(folder / "status.yaml", about)
+        began = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+        if status(folder).get("state") != "done":  # a finished job stays done if this start is interrupted
+            yaml_files.write_yaml(folder / "status.yaml", {"state": "running", "began": began})
         (folder / "error.txt").unlink(missing_ok=True)
-        yaml_files.write_yaml(folder / "status.yaml", about | _outcome(task, folder, quiet))
-
-
-def _outcome(task: Callable[[], None], folder: Path, quiet: bool) -> dict[str, Any]:
-    """Run the job; how it ended, for status.yaml."""
-    with contextlib.ExitStack() as stack:
-        if quiet:
+        if to_log:
             log = stack.enter_context((folder / "log.txt").open("a", encoding="utf-8", buffering=1))
             stack.enter_context(contextlib.redirect_stdout(log))
             stack.enter_context(contextlib.redirect_stderr(log))
+        outcome = {"state": "done", "began": began}
         try:
             task()
         except Exception as error:
@@ -62,91 +52,87 @@ def _outcome(task: Callable[[], None], folder: Path, quiet: bool) -> dict[str, A
                 reason = f"{type(error).__name__}: {reason}"
             (folder / "error.txt").write_text(traceback.format_exc(), encoding="utf-8")
             print(f"failed: {reason}", flush=True)
-            return {"state": "failed", "error": reason}
-    return {"state": "done"}
+            outcome |= {"state": "failed", "error": reason}
+        yaml_files.write_yaml(folder / "status.yaml", outcome)
 
 
-@dataclass
-class Standing:
-    """How far the jobs are, read from their folders; those that were done before it was made count as such."""
+class SweepProgress:
+    """Progress of a sweep's jobs since this object was created, read from their folders."""
 
-    jobs: Sequence[Job]
-    _began: float = field(default_factory=time.monotonic)
-    _at_first: list[float] = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._at_first = [progress(job) for job in self.jobs]
+    def __init__(self, jobs: Sequence[Job]) -> None:
+        self.jobs = jobs
+        self._started = time.monotonic()
+        self._at_start = [fraction_done(job) for job in jobs]
 
     @property
-    def before(self) -> int:
-        """Number of jobs that were done when it was made."""
-        return sum(share >= 1 for share in self._at_first)
+    def done_before(self) -> int:
+        """Number of jobs that were done at the start."""
+        return self._at_start.count(1.0)
 
     def line(self) -> str:
-        """`4 of 18 done, 2 running, 31 min left`, the time by the samples of the jobs and their speed so far."""
-        shares = [progress(job) for job in self.jobs]
-        sizes = [_size(job) for job in self.jobs]
+        """`4 of 18 done, 2 running, 31 min left`. The time is extrapolated from the samples trained so far."""
         states = [status(job.folder).get("state") for job in self.jobs]
-        done = sum(share >= 1 for share in shares)
-        running = sum(state == "running" and share < 1 for state, share in zip(states, shares, strict=True))
-        failed = sum(state == "failed" for state in states)
-        made = sum(size * (now - first) for size, now, first in zip(sizes, shares, self._at_first, strict=True))
-        left = sum(size * (1 - now) for size, now, state in zip(sizes, shares, states, strict=True) if state != "failed")
-        parts = [f"{done} of {len(self.jobs)} done", f"{running} running"]
-        parts += [f"{failed} failed"] * bool(failed)
-        if left and made > 0:
-            parts.append(f"{(time.monotonic() - self._began) * left / made / 60:.0f} min left")
+        fractions = [fraction_done(job) for job in self.jobs]
+        finished, remaining = 0.0, 0.0
+        for job, state, fraction, before in zip(self.jobs, states, fractions, self._at_start, strict=True):
+            finished += _size(job) * (fraction - before)
+            remaining += _size(job) * (1 - fraction) * (state != "failed")
+        parts = [f"{fractions.count(1.0)} of {len(self.jobs)} done", f"{states.count('running')} running"]
+        if failed := states.count("failed"):
+            parts.append(f"{failed} failed")
+        if remaining and finished > 0:
+            parts.append(f"{(time.monotonic() - self._started) * remaining / finished / 60:.0f} min left")
         return ", ".join(parts)
 
 
 @contextlib.contextmanager
-def told(standing: Standing, what: str, every: float = TOLD_EVERY_S) -> Iterator[None]:
-    """While the body of this `with` runs, print how far the jobs are, now and then."""
-    ended, here = threading.Event(), sys.stdout  # a job in this very process may redirect what is printed
+def report_periodically(progress: SweepProgress, label: str, every: float = REPORT_EVERY_S) -> Iterator[None]:
+    """In this context print a progress line every so many seconds."""
+    ended, stdout = threading.Event(), sys.stdout  # a job in this process may redirect sys.stdout
 
-    def tell() -> None:
+    def report() -> None:
         while not ended.wait(every):
-            print(f"{what}: {standing.line()}", file=here, flush=True)
+            print(f"{label}: {progress.line()}", file=stdout, flush=True)
 
-    teller = threading.Thread(target=tell, daemon=True)
-    teller.start()
+    reporter = threading.Thread(target=report, daemon=True)
+    reporter.start()
     try:
         yield
     finally:
         ended.set()
-        teller.join()
+        reporter.join()
 
 
-def sum_up(jobs: Sequence[Job], before: int) -> bool:
-    """Print how the jobs ended, each failed one with its error; whether all are done."""
-    lost = [(job, status(job.folder)) for job in jobs]
-    lost = [(job, about) for job, about in lost if about.get("state") != "done"]
-    print(f"sweep: {len(jobs) - len(lost)} of {len(jobs)} jobs done" + (f", {before} of them before" if before else ""))
-    for job, about in lost:
-        reason = "another process is at work on it" if is_busy(job.folder) else about.get("error", "it did not end")
+def print_summary(jobs: Sequence[Job], done_before: int) -> bool:
+    """Print how many jobs are done, and the error of each one that is not; whether all are done."""
+    unfinished = [(job, about) for job in jobs if (about := status(job.folder)).get("state") != "done"]
+    before = f", {done_before} of them before" if done_before else ""
+    print(f"sweep: {len(jobs) - len(unfinished)} of {len(jobs)} jobs done{before}")
+    for job, about in unfinished:
+        reason = "another process is running it" if is_busy(job.folder) else about.get("error", "it did not finish")
         print(f"failed: {job.folder}: {reason}")
-    return not lost
+    return not unfinished
 
 
 def status(folder: Path) -> dict[str, Any]:
-    """What a job's folder says of it; empty where it has not begun."""
+    """The status.yaml of a job's folder; empty if the job has not started."""
     about = yaml_files.read_yaml(folder / "status.yaml")
     return about if isinstance(about, dict) else {}
 
 
-def progress(job: Job) -> float:
-    """Share of a job that is done, 0 to 1: of a training by its newest checkpoint."""
+def fraction_done(job: Job) -> float:
+    """Fraction of a job that is done, 0 to 1; for a training by its newest checkpoint."""
     if status(job.folder).get("state") == "done":
         return 1.0
     if not isinstance(job.config, TrainConfig):
         return 0.0
     model = run_dir.newest_model(job.folder)
-    # The evaluation is still to come.
+    # The evaluation follows the last iteration.
     return 0.0 if model is None else min(run_dir.iteration_of(model) / job.config.max_iterations, 0.99)
 
 
 def _size(job: Job) -> float:
-    """What a job's time goes with: the samples of a training; all others are taken for equal."""
+    """Relative duration of a job: the samples of a training; all other jobs count as equally long."""
     if not isinstance(job.config, TrainConfig):
         return 1.0
     return float(job.config.env.num_envs * job.config.agent.num_steps_per_env * job.config.max_iterations)

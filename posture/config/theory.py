@@ -12,14 +12,14 @@ MAX_VALUES = 10_000
 """Points of a table or of the map: each is an optimisation of some milliseconds."""
 
 
-class Experiment3(Strict):
+class StiffnessSweep(Strict):
     """Hip stiffness swept at one frequency."""
 
     freq: Freq
     hip_k: Annotated[tuple[HipStiffness, ...], Field(min_length=1, max_length=1000)]
 
 
-class Experiment4b(Strict):
+class LoadSweep(Strict):
     """Load swept, from .. to, at one frequency."""
 
     freq: Freq
@@ -27,7 +27,7 @@ class Experiment4b(Strict):
     step: Annotated[float, Field(gt=0, le=50)]
 
 
-class Figure13(Strict):
+class ModeMapGrid(Strict):
     """Hip stiffness by frequency, from .. to."""
 
     hip_k: Annotated[tuple[HipStiffness, ...], Field(min_length=1, max_length=1000)]
@@ -52,9 +52,9 @@ class TheoryConfig(Strict):
     tolerance: Tolerance | None
     out: PathText | None
     search: tuple[Freq, Freq]
-    experiment_3: Experiment3
-    experiment_4b: Experiment4b
-    figure_13: Figure13
+    experiment_3: StiffnessSweep
+    experiment_4b: LoadSweep
+    figure_13: ModeMapGrid
     around: Around
 
     @property

@@ -10,14 +10,14 @@ from envs.body.joints import ANKLES, HIPS
 from envs.task.head_tracking import HeadTrackingEnv
 from posture.config.eval import LqrConfig
 from posture.theory.lqr import gain, lean, reference
-from posture.theory.motion import Motion
+from posture.theory.motion import PeriodicMotion
 
 
 class LqrController:
     """A policy for `posture.evaluation.rollout`: it reads the state of `env` itself, and returns normalised torques (N,
     2)."""
 
-    def __init__(self, env: HeadTrackingEnv, motions: Sequence[Motion], config: LqrConfig, duration: float) -> None:
+    def __init__(self, env: HeadTrackingEnv, motions: Sequence[PeriodicMotion], config: LqrConfig, duration: float) -> None:
         """`motions`[i] is what world i is to do, for `duration` [s] from the start of its episode."""
         if len(motions) != env.num_envs:
             raise ValueError(f"{len(motions)} motions for {env.num_envs} worlds")

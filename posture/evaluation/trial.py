@@ -1,4 +1,4 @@
-"""From a checkpoint to trajectories, indices, table and figures: the analyst's pipeline."""
+"""The evaluation of a policy: from a checkpoint to trajectories, results, table and figures."""
 
 import hashlib
 import math
@@ -15,10 +15,11 @@ from posture.analysis.figures import draw_all
 from posture.analysis.ramp import transitions
 from posture.analysis.results import Origin, Result, read_csv, write_csv
 from posture.analysis.table import evaluation_columns, markdown_table, text_table
+from posture.analysis.trajectory import Trajectory
 from posture.config.device import check_engine
 from posture.config.errors import ConfigError
 from posture.config.eval import EnvChanges, EvaluationConfig, LqrConfig, check_trial
-from posture.config.published import read_published
+from posture.config.published import Table3, read_published
 from posture.config.reading import read
 from posture.config.train import TrainConfig
 from posture.evaluation.lqr_policy import LqrController
@@ -37,7 +38,7 @@ AS_TRAINED = EnvChanges(hip_k=None, ankle_k=None, load=None, amplitude=None, phy
 
 
 def evaluate_run(run: Path, config: TrainConfig) -> list[Result]:
-    """Evaluate the newest checkpoint of `run` as its own configuration says, unless that was done; print the table."""
+    """Evaluate the newest checkpoint of `run` as its configuration says, unless that was done before; print the table."""
     model = run_dir.newest_model(run)
     if model is None:
         raise ConfigError(f"{run}: no checkpoint to evaluate")
@@ -53,51 +54,36 @@ def evaluate(
     out: Path,
     again: bool = True,
 ) -> list[Result]:
-    """Evaluate the deterministic policy of checkpoint `model` of a run; see `analyse`.
+    """Evaluate the deterministic policy of checkpoint `model` of a run; see `evaluate_policy`.
 
-    Not `again`: where `out` has what the same policy, code and conditions gave, that is read.
+    With `again` false, results of the same policy, code and conditions in `out` are read instead.
     """
-    content = checkpoint.load(model, device)
+    checkpoint.load(model, device)  # a damaged file is refused before anything is written
     run_dir.writable(out)
     trial = trial_config(run.env, evaluation, changes, device)
     if not again and is_current(out, model, run, evaluation, changes, device):
         rows = read_csv(out / "metrics.csv")
-        print(text_table(rows, evaluation_columns(rows, published(trial))))
+        print(text_table(rows, evaluation_columns(rows, comparable_table_3(trial))))
         print(f"evaluated before: {out}")
         return rows
+    env, policy = open_trial(model, run, trial, device)
+    return evaluate_policy(env, policy, evaluation, out, _policy_record(model, run))
+
+
+def open_trial(model: Path, run: TrainConfig, trial: EnvConfig, device: str) -> tuple[HeadTrackingEnv, Policy]:
+    """The environment of a trial and the deterministic policy of checkpoint `model`, ready for `rollout`."""
+    content = checkpoint.load(model, device)
     with preparing():
         env = HeadTrackingEnv(trial, run.seed, device)
         policy = load_policy(content, run, model, env.sim.device)
         env.warm_up()
-    return analyse(env, policy, evaluation, out, _about(model, run))
-
-
-def is_current(
-    out: Path, model: Path, run: TrainConfig, evaluation: EvaluationConfig, changes: EnvChanges, device: str
-) -> bool:
-    """Whether `out` holds what the policy of `model` gives under these conditions, by this code and these libraries."""
-    kept = yaml_files.read_yaml(out / "trial.yaml")
-    expected = _about(model, run) | _conditions(evaluation, trial_config(run.env, evaluation, changes, device))
-    return isinstance(kept, dict) and kept | {"policy": str(model)} == expected  # wherever it was evaluated from
-
-
-def _about(model: Path, run: TrainConfig) -> dict[str, Any]:
-    """What was evaluated, and by which code and versions of the libraries."""
-    return {
-        "policy": str(model),
-        "policy_sha256": hashlib.sha256(model.read_bytes()).hexdigest(),
-        "seed": run.seed,
-        "envs_version": envs_version(),
-        "analysis_version": analysis_version(),
-        "versions": provenance.versions(),
-        "window_steps": read_published().experiment_4a.window_steps,
-    }
+    return env, policy
 
 
 def evaluate_lqr(
     config: LqrConfig, evaluation: EvaluationConfig, changes: EnvChanges, device: str, out: Path
 ) -> list[Result]:
-    """Evaluate the model-based controller; see `analyse`. Raises ConfigError where its motion cannot be planned."""
+    """Evaluate the model-based controller; see `evaluate_policy`. Raises ConfigError where its motion cannot be planned."""
     trial = trial_config(config.env, evaluation, changes, device)
     stander = linearise(segments(trial), trial)
     try:
@@ -109,55 +95,80 @@ def evaluate_lqr(
         env = HeadTrackingEnv(trial, 0, device)
         env.warm_up()
     controller = LqrController(env, motions, config, evaluation.duration)
-    about = {"policy": "lqr", "lqr": config.model_dump(mode="json", exclude={"env"})}
-    return analyse(env, controller, evaluation, out, about)
+    record = {"policy": "lqr", "lqr": config.model_dump(mode="json", exclude={"env"})}
+    return evaluate_policy(env, controller, evaluation, out, record)
 
 
-def analyse(
-    env: HeadTrackingEnv,
-    policy: Policy,
-    evaluation: EvaluationConfig,
-    out: Path,
-    about: dict[str, Any],
+def evaluate_policy(
+    env: HeadTrackingEnv, policy: Policy, evaluation: EvaluationConfig, out: Path, record: dict[str, Any]
 ) -> list[Result]:
-    """Roll out `policy` at every frequency of `evaluation`, in one batch, and write to the folder `out`: trajectories.npz,
-    metrics.csv, table.md, the figures, and trial.yaml, which says what was evaluated: `about` and the conditions.
+    """Roll out `policy` at every frequency of `evaluation`, in one batch, and return one result for each.
 
-    Prints the table and what was written. Returns the rows of metrics.csv.
+    Writes into the folder `out`: trajectories.npz, metrics.csv, table.md, the figures, and trial.yaml with the conditions
+    and `record`, which identifies the policy. Prints the table and the paths.
     """
-    # A ramp is the environment's own target.
+    # The target of a ramp is the environment's own.
     freq = torch.tensor(evaluation.freq, dtype=torch.float64) if env.config.ramp is None else None
     trajectory = rollout(env, policy, freq, evaluation.duration)
-    rows = measure_trajectory(
-        trajectory,
-        transient_s=evaluation.transient,
-        tolerance_m=evaluation.tolerance,
-        still_joint_deg=evaluation.still_joint_deg,
-    )
-    if env.config.ramp is not None:
-        ramp, steps = env.config.ramp, read_published().experiment_4a.window_steps
-        still = math.radians(evaluation.still_joint_deg)
-        found = transitions(trajectory, ramp.start, ramp.rate, ramp.duration, steps, still)
-        rows = [replace(row, ramp=at) for row, at in zip(rows, found, strict=True)]
-    rows = with_theory(rows, env.config, evaluation)
-    shape = env.sim.geometry
-    (out / "trial.yaml").unlink(missing_ok=True)  # what it says is about to be untrue
+    rows = with_theory(_measure(trajectory, env.config, evaluation), env.config, evaluation)
+    published = comparable_table_3(env.config)
+    columns = evaluation_columns(rows, published)
+
+    (out / "trial.yaml").unlink(missing_ok=True)  # it marks the folder as complete
     trajectory.save(out / "trajectories.npz")
     write_csv(rows, out / "metrics.csv")
-    comparable = published(env.config)
-    columns = evaluation_columns(rows, comparable)
     with replacing(out / "table.md") as temporary:
         temporary.write_text(markdown_table(rows, columns) + "\n", encoding="utf-8")
-    figures = draw_all(trajectory, rows, comparable, out, (shape.heel_x, shape.toe_x)) if evaluation.figures else []
-    # Last, since it says that all is there.
-    yaml_files.write_yaml(out / "trial.yaml", about | _conditions(evaluation, env.config))
+    foot = env.sim.geometry.heel_x, env.sim.geometry.toe_x
+    figures = draw_all(trajectory, rows, published, out, foot) if evaluation.figures else []
+    yaml_files.write_yaml(out / "trial.yaml", record | _conditions(evaluation, env.config))
+
     print(text_table(rows, columns))
     for path in (*(out / name for name in ("metrics.csv", "table.md", "trajectories.npz", "trial.yaml")), *figures):
         print(path)
     return rows
 
 
+def _measure(trajectory: Trajectory, env: EnvConfig, evaluation: EvaluationConfig) -> list[Result]:
+    """The measured part of the results, of a ramp with its transitions."""
+    rows = measure_trajectory(
+        trajectory,
+        transient_s=evaluation.transient,
+        tolerance_m=evaluation.tolerance,
+        still_joint_deg=evaluation.still_joint_deg,
+    )
+    if env.ramp is None:
+        return rows
+    window, still = read_published().experiment_4a.window_steps, math.radians(evaluation.still_joint_deg)
+    found = transitions(trajectory, env.ramp.start, env.ramp.rate, env.ramp.duration, window, still)
+    return [replace(row, ramp=ramp) for row, ramp in zip(rows, found, strict=True)]
+
+
+def is_current(
+    out: Path, model: Path, run: TrainConfig, evaluation: EvaluationConfig, changes: EnvChanges, device: str
+) -> bool:
+    """Whether `out` holds the results of the policy of `model` under these conditions, by this code and these libraries."""
+    found = yaml_files.read_yaml(out / "trial.yaml")
+    expected = _policy_record(model, run) | _conditions(evaluation, trial_config(run.env, evaluation, changes, device))
+    # The path of the policy may have been another one.
+    return isinstance(found, dict) and found | {"policy": str(model)} == expected
+
+
+def _policy_record(model: Path, run: TrainConfig) -> dict[str, Any]:
+    """Which policy was evaluated, and by which code and versions of the libraries."""
+    return {
+        "policy": str(model),
+        "policy_sha256": hashlib.sha256(model.read_bytes()).hexdigest(),
+        "seed": run.seed,
+        "envs_version": envs_version(),
+        "analysis_version": analysis_version(),
+        "versions": provenance.versions(),
+        "window_steps": read_published().experiment_4a.window_steps,
+    }
+
+
 def _conditions(evaluation: EvaluationConfig, env: EnvConfig) -> dict[str, Any]:
+    """Under which conditions it was evaluated."""
     return {"evaluation": evaluation.model_dump(mode="json"), "env": as_plain(env)}
 
 
@@ -186,17 +197,14 @@ def origin(run: TrainConfig, changes: EnvChanges, name: str) -> Origin:
     )
 
 
-def published(env: EnvConfig) -> dict[str, Any]:
-    """The published numbers that were measured under the conditions of `env`: ours stand beside nothing else."""
-    return {
-        name: table
-        for name, table in read_published().model_dump(mode="json").items()
-        if all(getattr(env, key) == value for key, value in table.get("condition", {}).items())
-    }
+def comparable_table_3(env: EnvConfig) -> Table3 | None:
+    """Paper Table 3, if it was measured under the conditions of `env`."""
+    table = read_published().table_3
+    return table if all(getattr(env, key) == value for key, value in table.condition) else None
 
 
 def trial_config(env: EnvConfig, evaluation: EvaluationConfig, changes: EnvChanges, device: str) -> EnvConfig:
-    """The run's environment for a trial: a world a frequency, and nothing but a fall or its duration ends it.
+    """The run's environment for a trial: one world for each frequency; only a fall or its duration ends it.
 
     Raises ConfigError where the trial is too short for its transient, or its engine cannot compute on `device`.
     """

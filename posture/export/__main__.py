@@ -9,16 +9,12 @@ python -m posture.export ckpt=latest what=[policy]
 import hashlib
 from pathlib import Path
 
-import torch
-
 from envs.config import as_plain
 from posture.cli import entry
 from posture.config.errors import ConfigError
 from posture.config.export import ExportConfig
 from posture.config.train import TrainConfig
-from posture.export import onnx_policy
-from posture.learning.networks import load_policy
-from posture.storage import checkpoint, run_dir, yaml_files
+from posture.storage import run_dir, yaml_files
 
 
 def export(config: ExportConfig, job: Path) -> None:
@@ -28,6 +24,11 @@ def export(config: ExportConfig, job: Path) -> None:
     if len(models) > 1:
         raise ConfigError(f"ckpt: {config.ckpt} holds {len(models)} policies; allowed is one, for example {models[0]}")
     (model,) = models
+    # Imported here, and in the functions below, because they are slow.
+    from posture.export import onnx_policy
+    from posture.learning.networks import load_policy
+    from posture.storage import checkpoint
+
     run = run_dir.read_config(model.parent)
     load_policy(checkpoint.load(model, config.device), run, model, "cpu")
     if "policy" in config.what:
@@ -44,12 +45,15 @@ def export(config: ExportConfig, job: Path) -> None:
 
 def write_trajectories(config: ExportConfig, model: Path, run: TrainConfig, out: Path) -> None:
     """Roll out the policy of checkpoint `model` as `posture.eval` does, and write a .sto and a .csv a frequency to `out`."""
-    # Only now, so that bad input is answered before physics takes seconds to import.
+    import torch
+
     from envs.task.head_tracking import HeadTrackingEnv
     from posture.evaluation.rollout import rollout
     from posture.evaluation.trial import trial_config
     from posture.export.recording import write_csv, write_sto
+    from posture.learning.networks import load_policy
     from posture.learning.progress import preparing
+    from posture.storage import checkpoint
 
     evaluation = config.evaluation
     if config.env.ramp or run.env.ramp:  # of which all worlds have the same
@@ -88,6 +92,10 @@ def write_trajectories(config: ExportConfig, model: Path, run: TrainConfig, out:
 
 def write_policy(model: Path, run: TrainConfig, out: Path) -> None:
     """Write the policy of checkpoint `model` as `out`/policy.onnx."""
+    from posture.export import onnx_policy
+    from posture.learning.networks import load_policy
+    from posture.storage import checkpoint
+
     run_dir.writable(out)
     path = out / "policy.onnx"
     difference = onnx_policy.write_onnx(load_policy(checkpoint.load(model, "cpu"), run, model, "cpu"), run, model, path)

@@ -1,4 +1,4 @@
-"""Films of a policy as MP4 and GIF, without a display or a GPU: the body from the side, its target, and its mode.
+"""Films of a policy as MP4 and GIF, without a display or a GPU: the body from the side, its target and its mode.
 
 python -m posture.film                                   # the shipped policy: slow and fast side by side, and the ramp
 python -m posture.film ckpt=runs/<run> env.freq=0.15,1.5 # one film of both frequencies, no sweep
@@ -12,37 +12,31 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from posture.cli import entry
-from posture.config.errors import ConfigError
 from posture.config.film import FilmConfig
 from posture.storage import run_dir
 
 
 def film(config: FilmConfig, job: Path) -> None:
-    """Roll out the policy that `ckpt` means, and write each of the films in each of the formats."""
-    models = run_dir.find_checkpoints(config.ckpt)
-    if len(models) > 1:
-        raise ConfigError(f"ckpt: {config.ckpt} holds {len(models)} policies; a film shows one: give the folder of its run")
-    run = run_dir.read_config(models[0].parent)
+    """Roll out the policy that `ckpt` names, and write each film in each format."""
+    model = run_dir.find_checkpoint(config.ckpt)
+    run = run_dir.read_config(model.parent)
     out = run_dir.writable(Path(config.out or run_dir.folder_for(str(run_dir.RUNS), None)))
-    # Only now, so that bad input is answered before physics takes seconds to import.
+    # Imported here because they are slow.
     from posture.film.trials import ramp, two_modes
     from posture.film.video import write_gif, write_mp4
 
     for name in config.films:
-        frames = {"two_modes": two_modes, "ramp": ramp}[name](config, models[0], run)
+        frames = {"two_modes": two_modes, "ramp": ramp}[name](config, model, run)
         for kind in config.formats:
-            began, path = time.perf_counter(), out / f"{name}.{kind}"
+            start, path = time.perf_counter(), out / f"{name}.{kind}"
             {"mp4": write_mp4, "gif": write_gif}[kind](frames, path, frames.fps)
             length, size = len(frames) / frames.fps, path.stat().st_size / 1e6
-            took = time.perf_counter() - began
-            print(f"{path}: {length:.2f} s, {len(frames)} frames, {size:.2f} MB; drawn in {took:.1f} s", flush=True)
+            seconds = time.perf_counter() - start
+            print(f"{path}: {length:.2f} s, {len(frames)} frames, {size:.2f} MB; drawn in {seconds:.1f} s", flush=True)
 
 
-def bracketed(argv: Sequence[str]) -> list[str]:
-    """Arguments with `env.freq=0.15,1.5` as the list that it is here; Hydra knows such a value as a sweep alone.
-
-    With -m it is left as one.
-    """
+def with_frequency_list(argv: Sequence[str]) -> list[str]:
+    """`argv` with `env.freq=0.15,1.5` written as a list. Hydra would read it as a sweep, which it stays with -m."""
     if {"-m", "--multirun"} & set(argv):
         return list(argv)
     return [re.sub(r"^(\+{0,2}env\.freq=)([^\[(]*,.*)$", r"\1[\2]", argument) for argument in argv]
@@ -50,7 +44,7 @@ def bracketed(argv: Sequence[str]) -> list[str]:
 
 def main() -> None:
     """The command `python -m posture.film`."""
-    sys.argv[1:] = bracketed(sys.argv[1:])
+    sys.argv[1:] = with_frequency_list(sys.argv[1:])
     entry.run("film", FilmConfig, film)
 
 

@@ -1,7 +1,6 @@
-"""Frames to a file: H.264 in MP4 by the ffmpeg that comes with imageio-ffmpeg, and GIF by Pillow.
+"""Frames to a file: H.264 in MP4 by the ffmpeg of imageio-ffmpeg, GIF by Pillow. Files are written atomically.
 
-A frame is red, green and blue, (height, width, 3) uint8; all of a film have one size, even in both directions for MP4.
-A file is there whole or not at all.
+A frame is RGB, (height, width, 3) uint8. All frames of a film have the same size, even in both directions for MP4.
 """
 
 from __future__ import annotations
@@ -22,19 +21,23 @@ Frame = NDArray[np.uint8]
 
 QUALITY = "23"  # of H.264, constant rate factor: 0 is lossless, 51 the worst
 COLOURS = 64  # of a GIF, one palette for all frames
-PALETTE_FRAMES = 8  # which it is made from
+PALETTE_FRAMES = 8  # number of frames that the palette is computed from
 
 
 def write_mp4(frames: Sequence[Frame], path: Path, fps: float) -> None:
-    """Write `frames`, `fps` of them a second, that every browser plays. Raises OSError where ffmpeg fails."""
+    """Write `frames` at `fps` frames per second, in a form that every browser plays. Raises OSError if ffmpeg fails."""
     height, width, _ = frames[0].shape
     source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:.9g}", "-i", "-"]
     coded = ["-c:v", "libx264", "-preset", "slow", "-crf", QUALITY, "-pix_fmt", "yuv420p"]
-    with replacing(path) as temporary, tempfile.TemporaryFile() as told:
+    with replacing(path) as temporary, tempfile.TemporaryFile() as messages:
         command = [get_ffmpeg_exe(), "-loglevel", "error", "-y", *source, *coded, "-movflags", "+faststart", "-f", "mp4"]
-        # A session of its own: Ctrl-C reaches this process alone, which then ends the encoder.
+        # In a new session Ctrl-C does not reach the encoder; this process stops it.
         encoder = subprocess.Popen(
-            [*command, str(temporary)], stdin=subprocess.PIPE, stderr=told, stdout=subprocess.DEVNULL, start_new_session=True
+            [*command, str(temporary)],
+            stdin=subprocess.PIPE,
+            stderr=messages,
+            stdout=subprocess.DEVNULL,
+            start_new_session=True,
         )
         assert encoder.stdin is not None
         try:
@@ -48,16 +51,16 @@ def write_mp4(frames: Sequence[Frame], path: Path, fps: float) -> None:
             encoder.kill()
             encoder.wait()
         if failed:
-            told.seek(0)
-            raise OSError(f"{path}: ffmpeg failed: {' '.join(told.read().decode(errors='replace').split())[:300]}")
+            messages.seek(0)
+            raise OSError(f"{path}: ffmpeg failed: {' '.join(messages.read().decode(errors='replace').split())[:300]}")
 
 
 def write_gif(frames: Sequence[Frame], path: Path, fps: float) -> None:
-    """Write `frames`, `fps` of them a second, in an endless loop. Frames alike become one that lasts as long."""
-    seen = np.concatenate([frames[i] for i in range(0, len(frames), max(len(frames) // PALETTE_FRAMES, 1))])
-    palette = Image.fromarray(seen).quantize(COLOURS, method=Image.Quantize.MEDIANCUT)
+    """Write `frames` at `fps` frames per second, as an endless loop. Equal frames in sequence become one."""
+    sample = np.concatenate([frames[i] for i in range(0, len(frames), max(len(frames) // PALETTE_FRAMES, 1))])
+    palette = Image.fromarray(sample).quantize(COLOURS, method=Image.Quantize.MEDIANCUT)
     images = [Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
-    # A GIF counts in hundredths of a second: rounded so that the whole lasts as long as it should.
+    # GIF durations are hundredths of a second; the end times are rounded, so that rounding errors do not add up.
     ends = np.round(100 / fps * np.arange(len(images) + 1))
     durations = [int(10 * step) for step in np.diff(ends)]
     with replacing(path) as temporary:

@@ -74,13 +74,13 @@ class Learner(OnPolicyRunner):
         If a signal has asked the training to stop, save, and raise signals.Stopped.
         """
         self._done = done = self.current_learning_iteration + 1
-        stop = parallel.any_process(bool(signals.asked()), self.device)
+        stop = parallel.any_process(bool(signals.pending()), self.device)
         if stop or done % self._save_interval == 0 or done == self._total:
             self._save(done, infos)
         if stop:
             if parallel.rank() == 0:
                 print(f"stopped after iteration {done}: saved in {self.folder}; resume continues from there", flush=True)
-            raise signals.Stopped(signals.asked() or signal.SIGTERM)
+            raise signals.Stopped(signals.pending() or signal.SIGTERM)
 
     def _save(self, done: int, infos: dict[str, Any] | None) -> None:
         """Write model_<done>.pt, and resume.pt with everything else that an exact resume needs."""

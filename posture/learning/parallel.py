@@ -83,18 +83,18 @@ def worker_processes(processes: int, device: str, work: Callable[..., None], *ar
             yield
             dist.destroy_process_group()
             for worker in workers:
-                worker.join(timeout=10.0)
+                worker.join(timeout=60.0)
+            failed = [str(number) for number, worker in enumerate(workers, 1) if worker.exitcode]
+            if failed:
+                raise RunError(f"process {', '.join(failed)} of {processes} failed")
         finally:
-            # After an error here the workers have nothing left to do: only this process saves.
+            # Only this process saves, so whatever workers are still doing is of no use.
             if dist.is_initialized():
                 dist.destroy_process_group()
             for worker in workers:
                 if worker.is_alive():
                     worker.kill()
                     worker.join()
-        failed = [str(number) for number, worker in enumerate(workers, 1) if worker.exitcode]
-        if failed:
-            raise RunError(f"process {', '.join(failed)} of {processes} failed")
 
 
 def average(tensor: torch.Tensor) -> None:

@@ -1,4 +1,4 @@
-"""rsl-rl's PPO, leaner on a CPU and the same on every process of a shared training."""
+"""rsl-rl's PPO, faster on a CPU, with checks for numbers that are not finite."""
 
 from collections.abc import Generator
 from typing import Any
@@ -12,10 +12,10 @@ from posture.learning import parallel
 
 
 class ShuffledStorage(RolloutStorage):
-    """The same mini-batches as rsl-rl's, which draws one order of the samples an iteration and uses it in every epoch.
+    """rsl-rl's roll-out storage, with the same mini-batches as slices of samples that are shuffled once per iteration.
 
-    Gathering samples is the dearest part of PPO with a small network on a CPU; here it is done once an iteration, and
-    mini-batches are slices.
+    rsl-rl draws one order of the samples per iteration and uses it in every epoch, but gathers the samples anew each time.
+    With a small network on a CPU that gathering is the slowest part of PPO.
     """
 
     def mini_batch_generator(self, num_mini_batches: int, num_epochs: int = 8) -> Generator[Any, None, None]:
@@ -26,26 +26,26 @@ class ShuffledStorage(RolloutStorage):
         def shuffled(stored: Any) -> Any:
             return stored.flatten(0, 1)[order]
 
-        observations, actions = shuffled(self.observations), shuffled(self.actions)
-        values, returns, advantages = shuffled(self.values), shuffled(self.returns), shuffled(self.advantages)
-        log_prob = shuffled(self.actions_log_prob)
-        distribution = tuple(shuffled(parameter) for parameter in self.distribution_params)
+        samples = {
+            "observations": shuffled(self.observations),
+            "actions": shuffled(self.actions),
+            "values": shuffled(self.values),
+            "returns": shuffled(self.returns),
+            "advantages": shuffled(self.advantages),
+            "old_actions_log_prob": shuffled(self.actions_log_prob),
+        }
+        distribution = [shuffled(parameter) for parameter in self.distribution_params]
         for _ in range(num_epochs):
             for first in range(0, num_mini_batches * size, size):
                 part = slice(first, first + size)
                 yield RolloutStorage.Batch(
-                    observations=observations[part],
-                    actions=actions[part],
-                    values=values[part],
-                    advantages=advantages[part],
-                    returns=returns[part],
-                    old_actions_log_prob=log_prob[part],
+                    **{name: values[part] for name, values in samples.items()},
                     old_distribution_params=tuple(parameter[part] for parameter in distribution),
                 )
 
 
 class LeanPPO(PPO):
-    """PPO with `ShuffledStorage`, whose processes, where there are several, also share what observations are scaled by."""
+    """PPO with `ShuffledStorage`, whose processes share the statistics that normalise observations."""
 
     def __init__(self, actor: MLPModel, critic: MLPModel, storage: RolloutStorage, **options: Any) -> None:
         shuffled = ShuffledStorage(
@@ -59,43 +59,43 @@ class LeanPPO(PPO):
         super().__init__(actor, critic, shuffled, **options)
 
     def update(self) -> dict[str, float]:
-        """One iteration's learning; see `rsl_rl.algorithms.PPO.update`.
+        """Learn from one iteration's samples; see `rsl_rl.algorithms.PPO.update`.
 
-        Raises FloatingPointError, on every process alike, where a number that comes in or goes out is not finite: before
-        learning where an observation or a reward is, and before anything can be saved where a loss or the policy is.
+        Raises FloatingPointError, in every process, if a number is not finite: before learning if it is among the
+        observations, rewards or value estimates, and before anything is saved if it is a loss or a weight.
         """
-        stored = self.storage
-        given = {f"observation {name}": stored.observations[name] for name in sorted(stored.observations.keys())}
-        self._check_finite(given | {"reward": stored.rewards, "value estimate": stored.values})
+        stored, networks = self.storage, {"actor": self._raw_actor, "critic": self._raw_critic}
+        inputs = {f"observation {name}": stored.observations[name] for name in sorted(stored.observations.keys())}
+        self._check_finite(inputs | {"reward": stored.rewards, "value estimate": stored.values})
         losses: dict[str, float] = super().update()
-        told = {f"{name} loss": torch.tensor(losses[name]) for name in sorted(losses)}
-        for name, model in (("actor", self._raw_actor), ("critic", self._raw_critic)):
-            told[f"weights of the {name}"] = torch.cat([weight.detach().flatten() for weight in model.parameters()])
-        self._check_finite(told)
+        results = {f"{name} loss": torch.tensor(losses[name]) for name in sorted(losses)}
+        for name, model in networks.items():
+            results[f"weights of the {name}"] = torch.cat([weight.detach().flatten() for weight in model.parameters()])
+        self._check_finite(results)
         if self.is_multi_gpu:
-            for model in (self._raw_actor, self._raw_critic):
+            for model in networks.values():
                 if model.obs_normalization:
-                    _pool(model.obs_normalizer)
+                    pool_normalizer(model.obs_normalizer)
         return losses
 
-    def _check_finite(self, terms: dict[str, torch.Tensor]) -> None:
-        """Raise FloatingPointError that names the terms with a NaN or an infinity on any process."""
-        broken = torch.stack([(~torch.isfinite(term)).any().float().to(self.device) for term in terms.values()])
+    def _check_finite(self, values: dict[str, torch.Tensor]) -> None:
+        """Raise FloatingPointError that names the values with a NaN or an infinity in any process."""
+        broken = torch.stack([(~torch.isfinite(value)).any().float().to(self.device) for value in values.values()])
         if self.is_multi_gpu:
             torch.distributed.all_reduce(broken)
-        names = [name for name, count in zip(terms, broken.tolist(), strict=True) if count]
+        names = [name for name, count in zip(values, broken.tolist(), strict=True) if count]
         if names:
             raise FloatingPointError(f"training stopped, since these are not finite numbers: {', '.join(names)}")
 
 
-def _pool(normalizer: Any) -> None:
-    """Make running mean and variance those of all processes' samples together; rsl-rl leaves each with its own.
+def pool_normalizer(normalizer: Any) -> None:
+    """Replace the running mean and variance of rsl-rl's `normalizer` by those of all processes' samples together.
 
     Processes start equal and see equally many samples, so the pooled first and second moments are the means of theirs.
     """
-    mean, spread = normalizer._mean.clone(), normalizer._var + normalizer._mean**2
-    for moment in (mean, spread):
+    mean, square = normalizer._mean.clone(), normalizer._var + normalizer._mean**2
+    for moment in (mean, square):
         parallel.average(moment)
     normalizer._mean.copy_(mean)
-    normalizer._var.copy_((spread - mean**2).clamp(min=0.0))
+    normalizer._var.copy_((square - mean**2).clamp(min=0.0))
     normalizer._std.copy_(normalizer._var.sqrt())

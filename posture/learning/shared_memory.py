@@ -81,10 +81,6 @@ class SharedMemoryGroup(dist.ProcessGroup):
         unused = [[torch.empty_like(tensor) for _ in range(self._size)] for tensor in inputs]
         self.allgather(outputs if self._rank == options.rootRank else unused, inputs)
 
-    def barrier(self, options: Any = None) -> None:  # type: ignore[override]
-        """Wait for all processes."""
-        self.allreduce([torch.zeros(1)])
-
     def _exchange(self, tensor: torch.Tensor) -> np.ndarray:
         """The elements of every process's tensor, shape (processes, elements), valid until the next exchange."""
         values = tensor.detach().reshape(-1).numpy()

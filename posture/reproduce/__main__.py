@@ -19,7 +19,7 @@ from hydra.core.global_hydra import GlobalHydra
 
 from posture.cli import entry, jobs
 from posture.cli.jobs import Job
-from posture.cli.sweep import Standing, progress, sum_up, told
+from posture.cli.sweep import SweepProgress, fraction_done, print_summary, report_periodically
 from posture.config.errors import ConfigError
 from posture.config.eval import EvalConfig
 from posture.config.published import read_published
@@ -50,16 +50,16 @@ def reproduce(config: ReproduceConfig, _folder: Path) -> None:
     run_dir.writable(Path(config.out))
     plan = make_plan(config)
     wanted = [job for own in plan.wanted.values() for job in own]
-    before = Standing(wanted)
+    progress = SweepProgress(wanted)
     failed = False
     if "train" in config.stages:
-        failed |= train(plan, config, before)
-    if "evaluate" in config.stages and any(progress(job) >= 1 for job in plan.wanted["frequency"]):
+        failed |= train(plan, config, progress)
+    if "evaluate" in config.stages and any(fraction_done(job) >= 1 for job in plan.wanted["frequency"]):
         failed |= any([run("eval", evaluation(name, config)) for name in EVALUATIONS])
     if "report" in config.stages or "ship" in config.stages:
         report(plan, config)
     if "train" in config.stages:
-        failed |= not sum_up(wanted, before.before)
+        failed |= not print_summary(wanted, progress.done_before)
     if failed:
         sys.exit(1)
 
@@ -75,10 +75,10 @@ def make_plan(config: ReproduceConfig) -> Plan:
     return Plan(trainings, wanted, evaluations)
 
 
-def train(plan: Plan, config: ReproduceConfig, before: Standing) -> bool:
+def train(plan: Plan, config: ReproduceConfig, progress: SweepProgress) -> bool:
     """Train what is not done yet, with a progress line now and then; whether a sweep failed."""
     failed = False
-    with told(before, "whole", REPORT_EVERY_S):
+    with report_periodically(progress, "whole", REPORT_EVERY_S):
         for name in TRAININGS:
             seeds = sorted({_seed(job) for job in plan.wanted[name]})
             failed |= run("train", [*training(name, config), *_launcher(config), f"seed={','.join(map(str, seeds))}"])

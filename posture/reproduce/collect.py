@@ -17,7 +17,7 @@ from envs.config import EnvConfig
 from posture.analysis.results import NO_REWARD, Result, RewardOptimum, read_csv
 from posture.analysis.trajectory import Trajectory
 from posture.cli.jobs import Job
-from posture.cli.sweep import progress
+from posture.cli.sweep import fraction_done
 from posture.config.eval import EnvChanges, EvalConfig, EvaluationConfig
 from posture.config.published import Published
 from posture.config.train import TrainConfig
@@ -48,7 +48,7 @@ def collect(
     sweeps that none of these jobs made, and evaluations by other code or under other conditions. `search`: where theory's
     transitions are looked for [Hz].
     """
-    done = {name: [job for job in jobs if progress(job) >= 1] for name, jobs in trained.items()}
+    done = {name: [job for job in jobs if fraction_done(job) >= 1] for name, jobs in trained.items()}
     policies = done["frequency"]
     if not policies:
         return None
@@ -126,7 +126,7 @@ def _ramp_start(job: Job) -> float:
 
 def _training(experiment: str, job: Job) -> Training:
     name, seed = job.folder.name, _config(job).seed
-    if progress(job) < 1:
+    if fraction_done(job) < 1:
         return Training(experiment, name, seed)
     starts = yaml_files.read_yaml(job.folder / "provenance.yaml") or []
     return Training(experiment, name, seed, True, training_seconds(job.folder), starts)

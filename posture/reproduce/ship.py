@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from posture.cli.jobs import Job
-from posture.cli.sweep import progress
+from posture.cli.sweep import fraction_done
 from posture.config.train import TrainConfig
 from posture.storage import checkpoint, run_dir
 from posture.storage.run_dir import PRETRAINED
@@ -22,7 +22,7 @@ def ship(jobs: Iterable[Job], seed: int, into: Path = PRETRAINED) -> list[Path]:
     for job in jobs:
         assert isinstance(job.config, TrainConfig)
         model = run_dir.newest_model(job.folder)
-        if job.config.seed != seed or progress(job) < 1 or model is None:
+        if job.config.seed != seed or fraction_done(job) < 1 or model is None:
             continue
         content = checkpoint.load(model, "cpu")
         folder = into / condition_name(job)

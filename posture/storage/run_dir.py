@@ -101,6 +101,14 @@ def find_checkpoints(name: str, wanted: Callable[[Path], bool] | None = None) ->
     return [model for model in found if model is not None]
 
 
+def find_checkpoint(name: str) -> Path:
+    """The only checkpoint file that `ckpt=name` means. Raises ConfigError where there are several, or none."""
+    models = find_checkpoints(name)
+    if len(models) > 1:
+        raise ConfigError(f"ckpt: {name} holds {len(models)} policies; allowed is one, for example {models[0]}")
+    return models[0]
+
+
 def _pretrained(name: str) -> Path:
     model = newest_model(PRETRAINED / name) if re.fullmatch(r"[\w.-]+", name) else None
     if model is None:

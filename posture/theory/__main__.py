@@ -7,7 +7,6 @@ python -m posture.theory -m env.hip_k=75,125 env.load=0,4
 
 from pathlib import Path
 
-from posture.analysis.results import write_rows
 from posture.cli import entry
 from posture.config.errors import ConfigError
 from posture.config.theory import TheoryConfig
@@ -18,6 +17,7 @@ def theory(config: TheoryConfig, folder: Path) -> None:
     """Print and write the tables, and draw the map, of one stander."""
     out = run_dir.writable(folder / "theory" if config.out is None else Path(config.out))
     # Imported here because they are slow.
+    from posture.analysis.results import write_rows
     from posture.theory.figures import draw_map
     from posture.theory.program import InfeasibleError
     from posture.theory.stander import segments

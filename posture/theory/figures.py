@@ -19,7 +19,7 @@ from envs.body.segments import Segments
 from posture.config.published import read_published
 from posture.config.theory import TheoryConfig
 from posture.drawing.style import GREY, MODE_COLOUR, STYLE
-from posture.theory.motion import Motion
+from posture.theory.motion import PeriodicMotion
 from posture.theory.optimum import cheapest_sinusoid
 from posture.theory.stander import linearise
 from posture.theory.tables import ModeMapRow, TheoryTables, Transitions, varied
@@ -95,7 +95,7 @@ def _draw_plane(ax: Axes, body: Segments, config: TheoryConfig, rows: Sequence[M
     ax.set_title(f"ankle {env.ankle_k:g} Nm/rad, load {env.load:g} kg")
 
 
-def _ankle_over_hip(motion: Motion) -> float:
+def _ankle_over_hip(motion: PeriodicMotion) -> float:
     """The part of the ankle's first harmonic that goes with the hip's, over the hip's [-]."""
     hip, ankle = motion.coefficients[1, HIP], motion.coefficients[1, ANKLE]
     return float((ankle * np.conj(hip)).real / abs(hip) ** 2)

@@ -1,7 +1,7 @@
 """The model-based controller: the torque-optimal motion fed forward, with linear-quadratic feedback around it.
 
 What a control engineer would do who knows the body: the least-cost motion of the linear stander
-(`posture.theory.__main__.optimum.bound`)
+(`posture.theory.optimum.bound`)
 is planned beforehand for the frequency of each world, faded in from standing, and
 
     tau = tau_ref(t + dt/2) - G (z - z_ref(t)),   z = (hip, ankle, their velocities),
@@ -21,7 +21,7 @@ import scipy.linalg
 
 from posture.analysis.trajectory import Array
 from posture.config.eval import LqrConfig
-from posture.theory.motion import Motion
+from posture.theory.motion import PeriodicMotion
 from posture.theory.optimum import bound, sinusoid
 from posture.theory.stander import JOINTS_OF_A_KIND, Stander
 
@@ -41,13 +41,13 @@ def gain(stander: Stander, dt: float, config: LqrConfig) -> Array:
     return np.asarray(np.linalg.solve(r + b.T @ p @ b, b.T @ p @ a))
 
 
-def plan(stander: Stander, freq: float, amplitude: float, tolerance: float, config: LqrConfig) -> Motion:
+def plan(stander: Stander, freq: float, amplitude: float, tolerance: float, config: LqrConfig) -> PeriodicMotion:
     """The least-cost motion that leaves the configured margins of foot and tolerance [m] to feedback."""
     shorter = replace(stander, heel_x=stander.heel_x + config.foot_margin, toe_x=stander.toe_x - config.foot_margin)
     return bound(shorter, freq, amplitude, tolerance - config.tolerance_margin)
 
 
-def reference(motion: Motion, time: Array, fade_in: float) -> tuple[Array, Array, Array]:
+def reference(motion: PeriodicMotion, time: Array, fade_in: float) -> tuple[Array, Array, Array]:
     """Angle [rad], velocity [rad/s] and torque of one joint [Nm] of `motion`, faded in from upright over `fade_in` [s].
 
     time: (T,) [s]. Shapes (T, 2). The fade is the quintic with zero velocity and acceleration at both ends, and the torque

@@ -14,12 +14,12 @@ from posture.analysis.results import MotionIndices
 from posture.analysis.trajectory import Array
 from posture.theory.stander import JOINTS_OF_A_KIND, Stander
 
-SAMPLES = 1000
+CYCLE_SAMPLES = 1000
 """Instants of a cycle at which indices are read; a joint range is then short by less than 0.01 %."""
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class PeriodicMotion:
     """q(t) = Re sum_k coefficients[k] exp(2 pi i k freq t) of `stander`, with the torques that this takes.
 
     coefficients: joint angles (hip, ankle) [rad], complex, shape (n + 1, 2); the constant term is real. freq [Hz]. At time 0
@@ -58,7 +58,7 @@ class Motion:
         amplitudes = np.sum(self.stander.cop_response(self._omega) * self.coefficients, axis=1)
         return self.stander.cop_offset + self._series(amplitudes[:, None], time)[:, 0]
 
-    def cycle(self, samples: int = SAMPLES) -> Array:
+    def cycle(self, samples: int = CYCLE_SAMPLES) -> Array:
         """Evenly spaced instants of one cycle from time 0 [s]. (samples,)."""
         return np.arange(samples) / (samples * self.freq)
 
@@ -71,7 +71,7 @@ class Motion:
         return np.asarray((waves @ amplitudes).real)
 
 
-def joint_arrays(motion: Motion, samples: int = SAMPLES) -> tuple[Array, Array]:
+def joint_arrays(motion: PeriodicMotion, samples: int = CYCLE_SAMPLES) -> tuple[Array, Array]:
     """Torque [Nm] and velocity [rad/s] of all four joints over one cycle, (samples, 4), order of `JOINTS`."""
     time = motion.cycle(samples)
     return (
@@ -80,7 +80,7 @@ def joint_arrays(motion: Motion, samples: int = SAMPLES) -> tuple[Array, Array]:
     )
 
 
-def motion_indices(motion: Motion, duration: float) -> MotionIndices:
+def motion_indices(motion: PeriodicMotion, duration: float) -> MotionIndices:
     """Indices of a motion, its energy over `duration` [s]."""
     time = motion.cycle()
     angle, torque, cop, head = motion.angle(time), motion.torque(time), motion.cop(time), motion.head(time)

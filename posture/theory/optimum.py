@@ -10,7 +10,7 @@ with omega = 0, X for -B and the torques that hold the body upright added. The t
 over a cycle is |tau_0|^2 + |T|^2 / 2. So correlation, phase and ratio of the joints depend neither on B nor on X.
 
 **The bound** (`bound`). Any periodic motion within the tolerance, inside the foot and the torque limit:
-`posture.theory.__main__.program`.
+`posture.theory.program`.
 It is the least cost that the linear model allows; the simulator has squares of angles too, which this leaves out.
 """
 
@@ -21,15 +21,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from posture.theory.motion import Motion
+from posture.theory.motion import PeriodicMotion
 from posture.theory.program import Program
 from posture.theory.stander import Stander
 
 
-def sinusoid(stander: Stander, freq: float, amplitude: float, offset: float) -> Motion:
+def sinusoid(stander: Stander, freq: float, amplitude: float, offset: float) -> PeriodicMotion:
     """The least-cost motion at `freq` [Hz] whose head moves as offset - amplitude cos(omega t) [m].
 
-    The limits of foot and torque are not looked at; `Motion.cop` and `Motion.torque` tell what it takes.
+    The limits of foot and torque are not looked at; `PeriodicMotion.cop` and `PeriodicMotion.torque` tell what it takes.
     """
     J = stander.head
     needed, idle = J / (J @ J), np.array([J[1], -J[0]])
@@ -40,19 +40,19 @@ def sinusoid(stander: Stander, freq: float, amplitude: float, offset: float) -> 
         fixed, free = response @ (head * needed) + torque, response @ idle
         return head * needed - idle * (np.vdot(free, fixed) / np.vdot(free, free))
 
-    return Motion(
+    return PeriodicMotion(
         stander,
         freq,
         np.array([least(constant, offset, stander.torque_offset), least(wave, -amplitude, np.zeros(2))]),
     )
 
 
-def cheapest_sinusoid(stander: Stander, freq: float, amplitude: float, tolerance: float) -> Motion:
+def cheapest_sinusoid(stander: Stander, freq: float, amplitude: float, tolerance: float) -> PeriodicMotion:
     """`sinusoid` about the middle of the target's path with the smallest amplitude that stays within the tolerance [m]."""
     return sinusoid(stander, freq, amplitude - tolerance, amplitude)
 
 
-def bound(stander: Stander, freq: float, amplitude: float, tolerance: float) -> Motion:
+def bound(stander: Stander, freq: float, amplitude: float, tolerance: float) -> PeriodicMotion:
     """The least-cost periodic motion at `freq` [Hz] whose head stays within `tolerance` of amplitude (1 - cos(omega t)) [m],
     with the centre of pressure inside the foot and the torques within their limit.
 

@@ -21,12 +21,12 @@ import scipy.sparse
 from numpy.typing import NDArray
 
 from posture.analysis.trajectory import Array
-from posture.theory.motion import Motion
+from posture.theory.motion import PeriodicMotion
 from posture.theory.stander import Stander
 
 HARMONICS = 12
 """Twice as many lower the least cost by less than 0.1 %."""
-SAMPLES = 96
+LIMIT_SAMPLES = 96
 """Of a cycle. Between two of them the head passes the tolerance by less than 0.05 mm."""
 
 _SOLVED = (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved)
@@ -53,7 +53,7 @@ class Program:
         amplitude: float,
         tolerance: float,
         harmonics: int = HARMONICS,
-        samples: int = SAMPLES,
+        samples: int = LIMIT_SAMPLES,
     ) -> None:
         if samples <= 2 * harmonics:
             raise ValueError(f"samples: {samples} do not tell {harmonics} harmonics apart; at least {2 * harmonics + 1}")
@@ -106,12 +106,12 @@ class Program:
         rows = self.torque.reshape(-1, self.torque.shape[-1])
         return self.least_squares(rows, -np.tile(self.torque_offset, len(self.torque)))
 
-    def motion(self, unknowns: Array) -> Motion:
+    def motion(self, unknowns: Array) -> PeriodicMotion:
         """The motion that the unknowns (v,) stand for."""
         pairs, count = unknowns.reshape(-1, 2), self._waves.shape[1]
         coefficients = pairs[:count].astype(np.complex128)
         coefficients[1:] += 1j * pairs[count:]
-        return Motion(self.stander, self.freq, coefficients)
+        return PeriodicMotion(self.stander, self.freq, coefficients)
 
     def _rows(self, response: NDArray[Any]) -> Array:
         """Samples of Re sum_k response_k Q_k exp(i k omega t) over the unknowns. (n + 1, out, 2) complex -> (S, out, v)."""

@@ -12,7 +12,7 @@ minimisation: with r = |omega| / |a| and d' those of the last motion,
     |a omega| <= (r a^2 + omega^2 / r) / 2,   -1 / (1 + k d^2) <= const + k d^2 / (1 + k d'^2)^2,
 
 and there is equality at the last motion, so that a convex program with the right-hand sides
-(`posture.theory.__main__.program`) never raises
+(`posture.theory.program`) never raises
 the cost.
 """
 
@@ -28,7 +28,7 @@ import torch
 from envs.config import EnvConfig
 from envs.task import rewards
 from posture.analysis.trajectory import Array
-from posture.theory.motion import Motion, joint_arrays
+from posture.theory.motion import PeriodicMotion, joint_arrays
 from posture.theory.program import Program
 from posture.theory.stander import JOINTS_OF_A_KIND, Stander
 
@@ -63,7 +63,7 @@ class RewardTerms:
         return cls(energy / torque, beta / (gamma * torque), config.reward.target_sharpness)
 
 
-def reward_optimum(stander: Stander, freq: float, config: EnvConfig, tolerance: float) -> Motion:
+def reward_optimum(stander: Stander, freq: float, config: EnvConfig, tolerance: float) -> PeriodicMotion:
     """A motion within the limits of `optimum.bound` at `freq` [Hz] that no small change makes better by the reward.
 
     Raises InfeasibleError where no motion keeps the limits, ValueError where the reward has no weight on torques.
@@ -97,7 +97,7 @@ def reward_optimum(stander: Stander, freq: float, config: EnvConfig, tolerance: 
     return program.motion(unknowns)
 
 
-def reward_terms(motion: Motion, config: EnvConfig) -> tuple[float, float]:
+def reward_terms(motion: PeriodicMotion, config: EnvConfig) -> tuple[float, float]:
     """R_energy and R_torque (paper Eq. 9, 10) as `config` reads them: means over a cycle of what one control step gives."""
     torque, velocity = (torch.from_numpy(array) for array in joint_arrays(motion))
     energy, effort = _effort(torque, velocity, config)

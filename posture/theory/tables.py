@@ -116,8 +116,8 @@ def all_tables(body: Segments, config: TheoryConfig) -> TheoryTables:
 
 def experiment_1(body: Segments, config: TheoryConfig) -> TheoryTable[Prediction]:
     """Exp. 1: the stander as configured, at every frequency of the evaluation."""
-    env = config.env
-    published = _published(config, "table_3", "freq_hz", ())
+    env, paper = config.env, read_published().table_3
+    published = _paper_modes(config, (), paper.freq_hz, paper.mode)
     rows = [_predicted(body, config, freq, {}, published.get(freq, "-")) for freq in config.evaluation.freq]
     for row in rows:
         if not row.feasible:
@@ -127,16 +127,16 @@ def experiment_1(body: Segments, config: TheoryConfig) -> TheoryTable[Prediction
 
 def experiment_3(body: Segments, config: TheoryConfig) -> TheoryTable[Prediction]:
     """Exp. 3: hip stiffness swept at one frequency."""
-    freq = config.experiment_3.freq
-    published = _published(config, "experiment_3", "hip_k_nm_per_rad", ("hip_k",))
+    freq, paper = config.experiment_3.freq, read_published().experiment_3
+    published = _paper_modes(config, ("hip_k",), paper.hip_k_nm_per_rad, paper.mode)
     rows = [_predicted(body, config, freq, {"hip_k": k}, published.get(k, "-")) for k in config.experiment_3.hip_k]
     return _experiment(f"Exp. 3: {freq:g} Hz, load {config.env.load:g} kg", rows, _HIP_K, bool(published))
 
 
 def experiment_4b(body: Segments, config: TheoryConfig) -> TheoryTable[Prediction]:
     """Exp. 4b: load swept at one frequency."""
-    sweep = config.experiment_4b
-    published = _published(config, "experiment_4b", "load_kg", ("load",))
+    sweep, paper = config.experiment_4b, read_published().experiment_4b
+    published = _paper_modes(config, ("load",), paper.load_kg, paper.mode_at_ends)
     loads = _steps(sweep.load, sweep.step)
     rows = [_predicted(body, config, sweep.freq, {"load": m}, published.get(m, "-")) for m in loads]
     return _experiment(f"Exp. 4b: {sweep.freq:g} Hz, hip {config.env.hip_k:g} Nm/rad", rows, _LOAD, bool(published))
@@ -235,15 +235,14 @@ def _transitions(body: Segments, config: TheoryConfig, tolerance: float, **chang
     return Transitions(env.hip_k, env.ankle_k, env.load, tolerance, *(math.nan if freq is None else freq for freq in found))
 
 
-def _published(config: TheoryConfig, table: str, column: str, swept: Sequence[str]) -> dict[float, str]:
-    """The paper's mode at each value of `column`; none where the stander differs from the paper's in more than `swept`."""
-    published = read_published().model_dump(mode="json")
-    condition = published["table_3"]["condition"]
-    if any(getattr(config.env, key) != value for key, value in condition.items() if key not in swept):
+def _paper_modes(
+    config: TheoryConfig, swept: Sequence[str], values: Sequence[float], modes: Sequence[str]
+) -> dict[float, str]:
+    """The paper's mode at each value; none where the stander differs from the paper's in more than the keys `swept`."""
+    condition = read_published().table_3.condition
+    if any(getattr(config.env, key) != value for key, value in condition if key not in swept):
         return {}
-    content = published[table]
-    modes = content.get("mode", content.get("mode_at_ends"))
-    return {value: f"{name}-phase" for value, name in zip(content[column], modes, strict=True)}
+    return {value: f"{mode}-phase" for value, mode in zip(values, modes, strict=True)}
 
 
 def _steps(span: tuple[float, float], step: float) -> list[float]:

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 from envs.config import EnvConfig
 from posture.analysis.coordination import correlation
-from posture.theory.motion import Motion
+from posture.theory.motion import PeriodicMotion
 from posture.theory.optimum import bound, cheapest_sinusoid
 from posture.theory.program import InfeasibleError
 from posture.theory.reward_optimum import reward_optimum
@@ -22,13 +22,13 @@ STEP_HZ = 0.1
 RESOLUTION_HZ = 1e-4
 
 
-def hip_ankle_correlation(motion: Motion) -> float:
+def hip_ankle_correlation(motion: PeriodicMotion) -> float:
     """Pearson correlation [-] of hip and ankle angle over a cycle; positive in-phase, nan where a joint is still."""
     angle = motion.angle(motion.cycle())
     return correlation(angle[:, 0], angle[:, 1])
 
 
-def transition_frequency(optimum: Callable[[float], Motion], search: tuple[float, float]) -> float | None:
+def transition_frequency(optimum: Callable[[float], PeriodicMotion], search: tuple[float, float]) -> float | None:
     """The lowest frequency [Hz] within `search` at which the hip-ankle correlation of `optimum`(freq) changes sign, to
     RESOLUTION_HZ; None where there is none. A frequency at which the demand cannot be met counts as one without a mode."""
 

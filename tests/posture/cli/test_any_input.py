@@ -14,11 +14,11 @@ from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
 from posture.cli import entry
-from posture.cli.jobs import CONF, plain
+from posture.cli.jobs import plain
 from posture.config.errors import ConfigError
 from posture.config.eval import EvalConfig
 from posture.config.export import ExportConfig
-from posture.config.published import Published
+from posture.config.published import CONF, Published
 from posture.config.reading import read
 from posture.config.reproduce import ReproduceConfig
 from posture.config.theory import TheoryConfig

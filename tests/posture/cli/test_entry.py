@@ -53,7 +53,7 @@ def _elsewhere(tmp_path, monkeypatch):
         ("env=null", ["group override must be a string"]),
         ("agent.actor.distribution_cfg.init_std=2", ["init_std = 2 must lie within std_range"]),
         ("evaluation.duration=10.01", ["leaves nothing of a trial of 10.01 s"]),
-        ("-m resume=a,b", ["resume goes on with one run"]),
+        ("-m resume=a,b", ["resume continues one run"]),
         ("device=tpu", ["device: 'tpu' is not known; allowed are cpu, cuda"]),
         ("max_iterations=0", ["max_iterations = 0"]),
         ("env.reward.alive={start: 1.0, end: -1.0, steps: 5}", ["both be positive or both negative"]),

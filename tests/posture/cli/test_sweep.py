@@ -9,7 +9,7 @@ import yaml
 from joblib.externals.loky import get_reusable_executor
 
 from posture.cli.jobs import Job, check
-from posture.cli.sweep import Standing, guarded, progress, status
+from posture.cli.sweep import SweepProgress, fraction_done, run_job, status
 from posture.config.train import TrainConfig
 from posture.storage import checkpoint, run_dir
 from tests.commands import TINY, call, refused, table
@@ -139,10 +139,10 @@ def job_with(folder, iterations=None, state=None):
 
 
 def test_progress_is_that_of_the_newest_checkpoint(tmp_path):
-    assert progress(job_with(tmp_path / "new")) == 0.0
-    assert progress(job_with(tmp_path / "half", 500, "running")) == 0.5
-    assert progress(job_with(tmp_path / "trained", 1000, "running")) == 0.99
-    assert progress(job_with(tmp_path / "done", 1000, "done")) == 1.0
+    assert fraction_done(job_with(tmp_path / "new")) == 0.0
+    assert fraction_done(job_with(tmp_path / "half", 500, "running")) == 0.5
+    assert fraction_done(job_with(tmp_path / "trained", 1000, "running")) == 0.99
+    assert fraction_done(job_with(tmp_path / "done", 1000, "done")) == 1.0
 
 
 def test_time_left_by_the_speed_so_far(tmp_path, monkeypatch):
@@ -150,19 +150,19 @@ def test_time_left_by_the_speed_so_far(tmp_path, monkeypatch):
     now = time.monotonic()
     monkeypatch.setattr(time, "monotonic", lambda: now)
     jobs = [job_with(tmp_path / "a", 1000, "done"), job_with(tmp_path / "b"), job_with(tmp_path / "c")]
-    standing = Standing(jobs)
-    assert standing.before == 1 and standing.line() == "1 of 3 done, 0 running"
+    progress = SweepProgress(jobs)
+    assert progress.done_before == 1 and progress.line() == "1 of 3 done, 0 running"
     (tmp_path / "b" / "model_500.pt").touch()
     (tmp_path / "b" / "status.yaml").write_text("state: running\n")
     monkeypatch.setattr(time, "monotonic", lambda: now + 600)
-    assert standing.line() == "1 of 3 done, 1 running, 30 min left"
+    assert progress.line() == "1 of 3 done, 1 running, 30 min left"
 
 
 def test_a_failure_keeps_its_traceback(tmp_path):
     def fail():
         raise ValueError("no\nsuch thing")
 
-    guarded(fail, tmp_path / "job", quiet=True)
+    run_job(fail, tmp_path / "job", to_log=True)
     assert status(tmp_path / "job")["error"] == "ValueError: no such thing"
     assert "in fail" in (tmp_path / "job" / "error.txt").read_text()
     assert "failed: ValueError" in (tmp_path / "job" / "log.txt").read_text()

@@ -1,52 +1,45 @@
-"""Films: what a picture shows, against the trial it was made of and formulas; the command, and what it refuses."""
+"""Films: the drawn artists against the trial and formulas, the frames as pixels, and the command."""
 
 import math
 import os
 import subprocess
 import sys
 
-import hydra
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
 from posture.analysis.trajectory import Trajectory
-from posture.cli.jobs import CONF, plain
 from posture.config.errors import RunError
 from posture.config.film import FilmConfig
-from posture.config.reading import read
 from posture.drawing.silhouette import TARGET_COLOUR
 from posture.drawing.style import BLUE, FALL_COLOUR, RED
-from posture.film import trials as film_trials
-from posture.film.__main__ import bracketed, film
-from posture.film.motion import Motion, at_frames, running_correlation
-from posture.film.scene import Ramp, TwoModes
+from posture.film import trials
+from posture.film.__main__ import film, with_frequency_list
+from posture.film.pictures import RampFilm, TwoModesFilm
+from posture.film.sampling import SampledTrial, running_correlation, sample
 from posture.storage import run_dir
 from posture.storage.run_dir import PRETRAINED
 from tests import commands
 from tests.commands import refused
-from tests.posture.film.test_video import decoded_gif, decoded_mp4
+from tests.conftest import composed
+from tests.posture.film.test_video import decode_gif, decode_mp4
 
 HEIGHT = 1.7  # of the target [m], paper Table 1
-needs_policy = pytest.mark.skipif(not PRETRAINED.is_dir(), reason="no policies are shipped yet")
 
 
 @pytest.fixture(autouse=True)
-def _elsewhere(tmp_path, monkeypatch):
+def _in_tmp_path(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(commands.ENTRIES, "film", (FilmConfig, film))
 
 
 def configured(*overrides):
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        return read(FilmConfig, plain(hydra.compose("film", list(overrides))))
-
-
-# -- the command ------------------------------------------------------------------------------------------------------
+    return composed("film", FilmConfig, overrides)
 
 
 @pytest.mark.parametrize(
-    ("given", "seen"),
+    ("argv", "expected"),
     [
         (["ckpt=a", "env.freq=0.15,1.5"], ["ckpt=a", "env.freq=[0.15,1.5]"]),
         (["env.freq=[0.15,1.5]"], ["env.freq=[0.15,1.5]"]),
@@ -55,11 +48,11 @@ def configured(*overrides):
         (["-m", "env.freq=0.15,1.5"], ["-m", "env.freq=0.15,1.5"]),
     ],
 )
-def test_two_frequencies_are_one_film(given, seen):
-    assert bracketed(given) == seen
+def test_frequencies_separated_by_commas_become_a_list_but_not_in_a_sweep(argv, expected):
+    assert with_frequency_list(argv) == expected
 
 
-def test_one_frequency_or_several():
+def test_one_or_several_frequencies():
     assert configured("env.freq=0.7").env.freq == (0.7,)
     assert configured("env.freq=[0.3,0.6,0.9]").env.freq == (0.3, 0.6, 0.9)
 
@@ -93,85 +86,78 @@ def test_bad_input(monkeypatch, capsys, tmp_path, arguments, expected):
 
 
 def test_a_sweep_of_policies_is_refused(monkeypatch, capsys):
-    assert "a film shows one" in refused(monkeypatch, capsys, "film", f"ckpt={PRETRAINED}")
+    assert "allowed is one" in refused(monkeypatch, capsys, "film", f"ckpt={PRETRAINED}")
 
 
-@needs_policy
-def test_the_command_as_written_makes_both_files_without_a_display(tmp_path):
-    """At 6 frames a second a cycle at 1.5 Hz has four; a cycle at 0.15 Hz lasts 6.67 s."""
-    shown = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY", "MPLBACKEND")}
+def test_command_writes_both_files_without_a_display(tmp_path):
+    """One cycle at 0.15 Hz lasts 6.67 s, 40 frames at 6 frames per second."""
+    environ = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY", "MPLBACKEND")}
     arguments = ["ckpt=pretrained", "env.freq=0.15,1.5", "films=[two_modes]", "out=here", "width=60", "fps=6", "settle=0"]
     done = subprocess.run(
         [sys.executable, "-m", "posture.film", *arguments],
         cwd=tmp_path,
-        env=shown | {"GIT_PYTHON_REFRESH": "quiet"},
+        env=environ | {"GIT_PYTHON_REFRESH": "quiet"},
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stderr
     assert {path.name for path in (tmp_path / "here").iterdir()} == {"two_modes.mp4", "two_modes.gif"}
-    frames, duration, codec = decoded_mp4(tmp_path / "here" / "two_modes.mp4")
-    # Two panels of 60 px; 4.5 in where a panel has 3.6: 75 px, of which H.264 takes an even number.
+    frames, duration, codec = decode_mp4(tmp_path / "here" / "two_modes.mp4")
+    # Two panels of 60 px; the height is 60 * 4.5 / 3.6 = 75 px, rounded to an even number.
     assert frames.shape[0] == 40 and frames.shape[2] == 120 and frames.shape[1] in (74, 76) and codec == "h264"
     assert duration == pytest.approx(1 / 0.15, abs=0.02)
-    images, lengths, loops = decoded_gif(tmp_path / "here" / "two_modes.gif")
+    images, lengths, loops = decode_gif(tmp_path / "here" / "two_modes.gif")
     assert images.shape == frames.shape and sum(lengths) == pytest.approx(6.67) and loops == 0
     for film_frames in (frames, images):
         moved = np.abs(np.diff(film_frames.astype(int), axis=0)).max(axis=(1, 2, 3))
-        assert (moved > 30).all()  # each frame differs from the one before
-        assert (film_frames.std(axis=(1, 2, 3)) > 20).all()  # and none is blank
+        assert (moved > 30).all() and (film_frames.std(axis=(1, 2, 3)) > 20).all()
         halves = film_frames[:, :, :60], film_frames[:, :, 60:]
         assert all((np.abs(np.diff(half.astype(int), axis=0)).max(axis=(1, 2, 3)) > 15).mean() > 0.9 for half in halves)
 
 
-# -- a real trial -----------------------------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def filmed():
-    """Films of the shipped policy, and the trials they were made of."""
-    if not PRETRAINED.is_dir():
-        pytest.skip("no policies are shipped yet")
+    """Both films of the shipped policy, and their trials."""
     config = configured("env.freq=[0.5,1.5]", "settle=4", "shortest=1.9", "fps=12", "width=120", "env.ramp.duration=8")
-    model = run_dir.find_checkpoints("pretrained")[0]
-    run, trials, rollout = run_dir.read_config(model.parent), [], film_trials.rollout
+    model = run_dir.find_checkpoint("pretrained")
+    run, trajectories, rollout = run_dir.read_config(model.parent), [], trials.rollout
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(film_trials, "rollout", lambda *given: trials.append(rollout(*given)) or trials[-1])
-        scenes = [make(config, model, run) for make in (film_trials.two_modes, film_trials.ramp)]
-    return scenes, trials
+        patch.setattr(trials, "rollout", lambda *args: trajectories.append(rollout(*args)) or trajectories[-1])
+        films = [make(config, model, run) for make in (trials.two_modes, trials.ramp)]
+    return films, trajectories
 
 
-def marks(stage):
-    """Ball, head dot, and the middle of the drawn head [m]."""
-    box = stage.body.layers[2].get_path().get_extents()
-    return stage.ball.center, stage.head.center, ((box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2)
+def positions(view):
+    """Target, head dot, and centre of the drawn head [m]."""
+    box = view.body.layers[2].get_path().get_extents()
+    return view.ball.center, view.head.center, ((box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2)
 
 
-def test_the_picture_shows_the_trial(filmed):
+def test_two_modes_film_shows_the_trial(filmed):
     (film, _), (trial, _) = filmed
     assert len(film) == 24 and film.fps == pytest.approx(12)  # one cycle at 0.5 Hz, 2 s
-    # Both begin where a cycle does: 4 s is one at either frequency.
+    # Both start with a cycle: at 4 s one begins at either frequency.
     for i in range(0, 24, 5):
         film.show(i)
-        for world, (_, stage, *_) in enumerate(film._panels):
-            ball, dot, head = marks(stage)
+        for world, (_, view, *_) in enumerate(film.panels):
+            ball, dot, head = positions(view)
             now, freq = 4 + i / 12, (0.5, 1.5)[world]
             assert ball == pytest.approx((0.1 * (1 - math.cos(2 * math.pi * freq * now)), HEIGHT), abs=5e-4)
             head_x = np.interp(now, trial.time, trial.head_x[:, world])
             assert dot[0] == pytest.approx(head_x, abs=1e-9)
-            # The body is drawn from its joint angles over flat feet: in the soft contact they tilt a little.
+            # The body is drawn with flat feet, but in the simulated soft contact they tilt a little.
             assert head == pytest.approx((head_x, dot[1]), abs=0.006)
 
 
-def test_the_ramp_shows_the_trial(filmed):
+def test_ramp_film_shows_the_trial(filmed):
     (_, film), (_, trial) = filmed
     assert len(film) == 96
     for i in (50, 70, 95):
         film.show(i)
         now = i / 12
-        ball, dot, head = marks(film._stage)
-        # The integral of 0.036 Hz/s times t.
+        ball, dot, head = positions(film.view)
+        # The phase is the integral of 2 pi 0.036 Hz/s t.
         assert ball == pytest.approx((0.1 * (1 - math.cos(2 * math.pi * 0.018 * now**2)), HEIGHT), abs=5e-4)
         assert dot[0] == pytest.approx(np.interp(now, trial.time, trial.head_x[:, 0]), abs=1e-9)
         assert head == pytest.approx(dot, abs=0.01)
@@ -184,31 +170,26 @@ def test_the_ramp_shows_the_trial(filmed):
         assert film._dot.get_xdata()[0] == pytest.approx(0.036 * now)
 
 
-def test_pixels_show_the_target(filmed):
-    """The ball's colour, found in the frame, is where the axes say that the target is."""
+def test_pixel_at_the_target_has_its_colour(filmed):
     (film, _), _ = filmed
     for i in (3, 12):
         frame = film[i]
-        _, stage, *_ = film._panels[0]
-        x, y = stage.ball.axes.transData.transform(stage.ball.center)
-        near = np.abs(frame[len(frame) - 1 - int(y), int(x)] / 255 - to_rgb(TARGET_COLOUR)).max()
-        assert near < 0.1
+        ball = film.panels[0][1].ball
+        x, y = ball.axes.transData.transform(ball.center)
+        assert frame[len(frame) - 1 - int(y), int(x)] / 255 == pytest.approx(to_rgb(TARGET_COLOUR), abs=0.1)
     with pytest.raises(IndexError):
         film[24]
 
 
-def test_a_frame_does_not_depend_on_those_before(filmed):
+def test_frames_are_independent_of_each_other(filmed):
     (film, _), _ = filmed
     first = film[5]
     film[17]
     np.testing.assert_array_equal(film[5], first)
 
 
-# -- what is told about a motion --------------------------------------------------------------------------------------
-
-
-def swaying(lag, freq=1.0, seconds=10.0, dt=0.02, fall_step=-1):
-    """A stander whose ankle sways with its hip, `lag` [rad] behind it."""
+def swaying_trial(lag, freq=1.0, seconds=10.0, dt=0.02, fall_step=-1):
+    """Hip and ankle move sinusoidally, the ankle `lag` [rad] behind the hip."""
     time = dt * np.arange(1, round(seconds / dt) + 1)
     hip, ankle = (np.radians(a) * np.sin(2 * math.pi * freq * time - b) for a, b in ((10, 0), (5, lag)))
     angle = np.stack([hip, ankle, hip, ankle], axis=-1)[:, None]
@@ -230,41 +211,41 @@ def swaying(lag, freq=1.0, seconds=10.0, dt=0.02, fall_step=-1):
     return Trajectory(**trial)
 
 
-def filmed_sway(trial, freq=1.0):
+def film_of(trial, freq=1.0):
     r = running_correlation(trial, 0, 50, 0.0, centred=False)
-    motion = at_frames(trial, 0, freq, r, 4.0, np.arange(0, 2, 0.1))
-    cycle = at_frames(trial, 0, freq, r, 4.0, np.linspace(0, 1 / freq, 41))
-    return TwoModes([motion], [cycle], 60, HEIGHT, 0.2)
+    motion = sample(trial, 0, freq, r, 4.0, np.arange(0, 2, 0.1))
+    cycle = sample(trial, 0, freq, r, 4.0, np.linspace(0, 1 / freq, 41))
+    return TwoModesFilm([motion], [cycle], 60, HEIGHT, 0.2)
 
 
 @pytest.mark.parametrize(
-    ("lag", "told", "colour"),
+    ("lag", "title", "colour"),
     [
         (0.0, "in-phase   r = +1.00", BLUE),
         (math.pi, "anti-phase   r = \u22121.00", RED),
         (1.0, "in-phase   r = +0.54", BLUE),
     ],
 )
-def test_the_mode_is_told_by_the_running_correlation(lag, told, colour):
-    """Of two sinusoids it is the cosine of their distance: cos 1 = 0.54."""
-    film = filmed_sway(swaying(lag))
+def test_title_shows_the_mode_by_the_running_correlation(lag, title, colour):
+    """The correlation of two sinusoids is the cosine of their phase difference: cos 1 = 0.54."""
+    film = film_of(swaying_trial(lag))
     film.show(7)
-    title = film._panels[0][2]
-    assert (title.get_text(), title.get_color()) == (told, colour)
+    text = film.panels[0][2]
+    assert (text.get_text(), text.get_color()) == (title, colour)
 
 
-def test_the_window_holds_a_whole_cycle():
-    """A quarter of a cycle has a correlation of its own: of a sine and one an eighth behind it cos(pi / 4) on a whole."""
-    trial = swaying(math.pi / 4, freq=0.25)
+def test_window_is_a_whole_cycle_of_a_slow_target():
+    """Over a cycle the correlation of sinusoids an eighth of a cycle apart is cos(pi / 4), over part of one it varies."""
+    trial = swaying_trial(math.pi / 4, freq=0.25)
     r = running_correlation(trial, 0, 50, 0.0, centred=False)
     assert np.isnan(r[:199]).all()
     assert r[199:] == pytest.approx(math.sqrt(0.5), abs=1e-6)
 
 
-def test_a_fall_is_told_and_the_last_pose_kept():
-    """It falls 1 s after the film has begun, at 5 s of the trial, which is its 250th step."""
-    film = filmed_sway(swaying(0.0, fall_step=249))
-    motion, _, title, *_ = film._panels[0]
+def test_fall_is_shown_and_the_last_pose_kept():
+    """The fall is at step 250 of the trial, 5 s, which is 1 s after the start of the film."""
+    film = film_of(swaying_trial(0.0, fall_step=249))
+    motion, _, title, *_ = film.panels[0]
     assert motion.fall == pytest.approx(1.0)
     film.show(5)
     assert title.get_text().startswith("in-phase")
@@ -272,15 +253,15 @@ def test_a_fall_is_told_and_the_last_pose_kept():
     assert (title.get_text(), title.get_color()) == ("fell", FALL_COLOUR)
     assert motion.hip[15] == pytest.approx(math.radians(10) * math.sin(2 * math.pi * 4.98))
     with pytest.raises(RunError, match="fell at the first step"):
-        filmed_sway(swaying(0.0, fall_step=0))
+        film_of(swaying_trial(0.0, fall_step=0))
 
 
-def test_the_switch_appears_where_the_correlation_changes_sign():
-    """A correlation that falls linearly with the frequency, from 1 at rest: (0.6 - f) / 0.6, zero at 0.6 Hz."""
+def test_transition_is_marked_where_the_correlation_changes_sign():
+    """The correlation (0.6 - f) / 0.6 changes sign at 0.6 Hz."""
     time = np.linspace(0, 10, 101)
     still, freq = np.zeros(101), time / 10
-    motion = Motion(time, freq, still, still, still, still, still, (0.6 - freq) / 0.6, math.inf)
-    film = Ramp(motion, np.full(101, np.nan), motion, 5.0, 60, HEIGHT, 0.2, 0.69)
+    motion = SampledTrial(time, freq, still, still, still, still, still, (0.6 - freq) / 0.6, math.inf)
+    film = RampFilm(motion, np.full(101, np.nan), motion, 5.0, 60, HEIGHT, 0.2, 0.69)
     line, text = film._switch
     film.show(59)
     assert not text.get_visible() and film._mode.get_text() == "in-phase   r = +0.02"

@@ -1,4 +1,4 @@
-"""That the default learner learns: minutes, so only with `make test-slow`."""
+"""The default learner learns, and shares a training under torchrun."""
 
 import statistics
 import subprocess
@@ -11,10 +11,11 @@ from envs.task.head_tracking import HeadTrackingEnv
 from posture.learning.learner import Learner
 from tests.conftest import compose
 
+pytestmark = pytest.mark.slow
 
-@pytest.mark.slow
+
 def test_episodes_become_longer(tmp_path):
-    """Within 25 iterations the head stays on target at least three times as long as that of an untrained policy."""
+    """After 25 iterations an episode is at least three times as long as with an untrained policy."""
     config = compose()
     torch.manual_seed(config.seed)
     env = HeadTrackingEnv(config.env, config.seed, "cpu")
@@ -25,9 +26,8 @@ def test_episodes_become_longer(tmp_path):
     assert statistics.mean(learner.logger.lenbuffer) > 3 * untrained
 
 
-@pytest.mark.slow
 def test_torchrun_shares_a_training(tmp_path):
-    """Under torchrun the first process alone writes a run, and it counts the worlds of both."""
+    """Only the first process writes a run, and its state is that of both processes."""
     tiny = "env.num_envs=8 max_iterations=2 agent.num_steps_per_env=4 agent.algorithm.num_mini_batches=2 evaluate=false"
     command = [sys.executable, "-m", "torch.distributed.run", "--nproc-per-node", "2", "-m", "posture.train", *tiny.split()]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)

@@ -2,21 +2,17 @@
 
 from concurrent.futures import Future
 
-import hydra
-
-from posture.cli.jobs import CONF, plain
 from posture.config.play import PlayConfig
-from posture.config.reading import read
 from posture.play.policies import policy_choices
 from posture.play.session import Session
+from tests.conftest import composed
 
 DT = 0.0166
 
 
 def compose_play(*overrides):
     """The checked configuration that these overrides give."""
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        return read(PlayConfig, plain(hydra.compose("play", list(overrides))))
+    return composed("play", PlayConfig, overrides)
 
 
 class InlineWorker:

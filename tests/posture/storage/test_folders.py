@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from posture.cli.jobs import check
-from posture.cli.sweep import guarded, status
+from posture.cli.sweep import run_job, status
 from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
 from posture.storage import run_dir, yaml_files
@@ -154,8 +154,8 @@ def test_a_folder_in_work_is_refused_until_its_process_dies(holder, monkeypatch,
 def test_a_job_in_work_elsewhere_is_left_to_it(holder, capsys):
     job, process = holder
     (job / "status.yaml").write_text("state: running\nbegan: theirs\n")
-    guarded(lambda: pytest.fail("it ran"), job, quiet=False)
-    assert "left out" in capsys.readouterr().out
+    run_job(lambda: pytest.fail("it ran"), job, to_log=False)
+    assert "skipped" in capsys.readouterr().out
     assert status(job) == {"state": "running", "began": "theirs"}
 
 
@@ -169,7 +169,7 @@ def test_a_sweep_names_the_job_that_another_process_has(monkeypatch, capsys):
             call(monkeypatch, "train", *sweep)
     told = capsys.readouterr().out
     assert stop.value.code == 1 and "sweep: 1 of 2 jobs done" in told
-    assert f"failed: {first}: another process is at work on it" in told
+    assert f"failed: {first}: another process is running it" in told
     assert not (first / "config.yaml").exists() and status(second)["state"] == "done"
     call(monkeypatch, "train", *sweep)
     assert "2 of 2 jobs done, 1 of them before" in capsys.readouterr().out
@@ -182,7 +182,7 @@ def test_ctrl_c_in_a_job_leaves_its_state_and_its_lock(tmp_path):
     for before in ("done", "running"):
         yaml_files.write_yaml(tmp_path / before / "status.yaml", {"state": before})
         with pytest.raises(KeyboardInterrupt):
-            guarded(interrupted, tmp_path / before, quiet=True)
+            run_job(interrupted, tmp_path / before, to_log=True)
         assert status(tmp_path / before)["state"] == before and not is_busy(tmp_path / before)
 
 

@@ -10,13 +10,13 @@ import pytest
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 
-from posture.cli import entry, jobs
-from posture.config.published import CONF
+from posture.cli import entry
 from posture.config.theory import TheoryConfig
 from posture.theory.__main__ import theory
 from posture.theory.prediction import cop_binds, predict
 from posture.theory.stander import linearise, segments
 from posture.theory.tables import _steps
+from tests.conftest import composed
 
 TINY = [
     "evaluation.freq=[0.6,0.75]",
@@ -113,13 +113,7 @@ def test_bad_input_gets_one_line(monkeypatch, capsys, arguments, expected):
 
 
 def test_where_no_tolerance_ends_the_episode_that_of_the_evaluation_counts():
-    import hydra
-
-    from posture.config.reading import read as checked
-
-    GlobalHydra.instance().clear()
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        config = checked(TheoryConfig, jobs.plain(hydra.compose("theory", ["env=paper"])))
+    config = composed("theory", TheoryConfig, ("env=paper",))
     assert config.tolerance is None and config.head_tolerance == config.evaluation.tolerance
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from envs.task import rewards
 from posture.analysis.coordination import correlation, torque_cost
-from posture.theory.motion import Motion, joint_arrays, motion_indices
+from posture.theory.motion import PeriodicMotion, joint_arrays, motion_indices
 from posture.theory.optimum import bound, cheapest_sinusoid, sinusoid
 from posture.theory.program import InfeasibleError, Program
 from posture.theory.reward_optimum import RewardTerms, reward_optimum, reward_terms
@@ -83,7 +83,7 @@ def test_no_other_sinusoid_with_this_head_costs_less(stander, freq, amplitude, o
     idle = np.array([stander.head[1], -stander.head[0]])
     for size in (1e-3, -1e-3):
         other = motion.coefficients + size * np.stack([idle, idle * np.exp(1j * angle)])
-        assert cost(Motion(stander, freq, other), 64) > cost(motion, 64)
+        assert cost(PeriodicMotion(stander, freq, other), 64) > cost(motion, 64)
     unit = sinusoid(stander, freq, 1.0, 0.0).coefficients[1]
     assert motion.coefficients[1] == pytest.approx(amplitude * unit)
 
@@ -127,7 +127,7 @@ def test_bound_against_another_solver(stander):
 
     def motion(x):
         q = x.reshape(-1, 2)
-        return Motion(stander, freq, q[: n + 1] + 1j * np.vstack([np.zeros((1, 2)), q[n + 1 :]]))
+        return PeriodicMotion(stander, freq, q[: n + 1] + 1j * np.vstack([np.zeros((1, 2)), q[n + 1 :]]))
 
     def room(x):
         m = motion(x)
@@ -186,7 +186,7 @@ def test_what_cannot_be_met_is_said_in_one_line(stander, change):
 
 def test_indices_of_a_sinusoid_by_hand(stander):
     """q = (a cos, b sin) with an offset: ranges 2 |amplitude|, no correlation, a quarter turn of phase."""
-    motion = Motion(stander, 0.5, np.array([[0.3, -0.1], [0.2, -0.05j]]))  # Re(-i b e^iwt) = b sin
+    motion = PeriodicMotion(stander, 0.5, np.array([[0.3, -0.1], [0.2, -0.05j]]))  # Re(-i b e^iwt) = b sin
     seen = motion_indices(motion, 100.0)
     assert seen.hip_range_deg == pytest.approx(math.degrees(0.4)) and seen.ankle_range_deg == pytest.approx(
         math.degrees(0.1)
@@ -207,7 +207,7 @@ def test_indices_of_a_sinusoid_by_hand(stander):
 
 
 def test_a_joint_that_stands_still_has_no_correlation(stander):
-    seen = motion_indices(Motion(stander, 0.5, np.array([[0.1, 0.0], [0.1, 0.0]], dtype=complex)), 100.0)
+    seen = motion_indices(PeriodicMotion(stander, 0.5, np.array([[0.1, 0.0], [0.1, 0.0]], dtype=complex)), 100.0)
     assert math.isnan(seen.hip_ankle_r) and math.isnan(seen.phase_mean_deg)
 
 
@@ -244,7 +244,7 @@ def test_no_allowed_step_betters_the_reward_optimum(stander, env_config, freq):
         anywhere = program.motion(program.least_squares(rows, rng.normal(0, 0.3, len(rows))))
         for share in (0.01, 0.1):
             between = (1 - share) * best.coefficients + share * anywhere.coefficients
-            assert reward(Motion(stander, freq, between), config) < top + 1e-3 * abs(top)
+            assert reward(PeriodicMotion(stander, freq, between), config) < top + 1e-3 * abs(top)
 
 
 @pytest.mark.parametrize("unit", ["normalised", "authors", "si"])

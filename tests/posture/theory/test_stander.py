@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from envs.body.joints import JOINTS
 from envs.body.model import MJCF
-from posture.theory.motion import Motion
+from posture.theory.motion import PeriodicMotion
 from posture.theory.optimum import sinusoid
 from posture.theory.stander import linearise, segments
 
@@ -207,7 +207,7 @@ def test_torques_of_a_motion_move_the_simulated_body_along_it(config, stander):
 def test_velocity_and_acceleration_are_derivatives(stander, freq, values):
     """By central differences, and the head's motion is that of its Jacobian."""
     coefficients = np.array(values[:4]).reshape(2, 2) + 1j * np.array([[0, 0], values[4:6]])
-    motion = Motion(stander, freq, coefficients)
+    motion = PeriodicMotion(stander, freq, coefficients)
     time, step = motion.cycle(9), 1e-5 / freq
     for value, slope in ((motion.angle, motion.velocity), (motion.velocity, motion.acceleration)):
         difference = (value(time + step) - value(time - step)) / (2 * step)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from posture.theory.motion import Motion
+from posture.theory.motion import PeriodicMotion
 from posture.theory.program import InfeasibleError
 from posture.theory.stander import linearise
 from posture.theory.transition import bound_transition, reward_transition, sinusoid_transition, transition_frequency
@@ -22,7 +22,7 @@ def swinging(correlation):
 
     def motion(freq):
         phase = math.acos(correlation(freq))
-        return Motion(None, freq, np.array([[0.1, 0.2], [0.3, 0.2 * np.exp(1j * phase)]]))
+        return PeriodicMotion(None, freq, np.array([[0.1, 0.2], [0.3, 0.2 * np.exp(1j * phase)]]))
 
     return motion
 

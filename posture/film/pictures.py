@@ -1,4 +1,4 @@
-"""The pictures of the films. What moves is moved and drawn over a background that was drawn once."""
+"""The pictures of the films. Static artists are drawn once; each frame draws the moving ones over them."""
 
 from __future__ import annotations
 
@@ -22,29 +22,29 @@ from posture.analysis.ramp import ramp_transition
 from posture.analysis.trajectory import Array
 from posture.drawing.silhouette import DOT_RADIUS, draw_body, draw_ground, draw_phases, draw_target, head_position
 from posture.drawing.style import ANKLE_COLOUR, BLUE, FALL_COLOUR, GREY, HIP_COLOUR, MODE_COLOUR, RED, STYLE
-from posture.film.motion import Motion
+from posture.film.sampling import SampledTrial
 from posture.film.video import Frame
 
-PANEL_IN = 3.6  # width of a panel, which sizes of text count in [in]
+PANEL_IN = 3.6  # width of a panel, which text sizes refer to [in]
 HEIGHT_TWO_MODES, HEIGHT_RAMP = 4.5, 6.0  # of the films at that width [in]
-BIG, MEDIUM, SMALL = 16, 13, 11  # of text [pt]
-PHASES = np.linspace(0.0, 1.0, 5)  # of a cycle at which bodies stand side by side: its quarters, and its end
-SPACING = 0.52  # between two of them [m]
-STAGE = (-0.33, 0.43)  # of x that is shown of the moving body [m]
-MARK = -0.1  # height of the mark under the bodies that stand side by side [m]
-BELOW, ABOVE = 0.07, 0.07  # what is shown below the ground and above the target [m]
+LARGE, MEDIUM, SMALL = 16, 13, 11  # text sizes [pt]
+PHASES = np.linspace(0.0, 1.0, 5)  # of a cycle, at which bodies are drawn side by side
+SPACING = 0.52  # between these bodies [m]
+X_RANGE = (-0.33, 0.43)  # shown around the moving body [m]
+MARK_HEIGHT = -0.1  # of the mark under these bodies [m]
+MARGIN = 0.07  # shown below the ground and above the target [m]
 HEAD_DOT = 1.2 * DOT_RADIUS  # [m]
 CURSOR = {"color": "black", "lw": 1.0, "alpha": 0.6}
 
 
 class Film(Sequence[Frame]):
-    """Frames, drawn when they are asked for. `moving` artists are drawn in each, in this order; all else once."""
+    """A sequence of frames, drawn on access. `moving` artists are drawn in each frame, in this order; all others once."""
 
     def __init__(self, width: int, panels: int, height_in: float, time: Array) -> None:
         """`width` [px] of a panel; `height_in` of the film where a panel is PANEL_IN wide; frames at `time` (F,) [s]."""
         dpi = width / PANEL_IN
-        height = 2 * round(height_in * dpi / 2)  # even, as H.264 wants it
-        # The canvas cuts off parts of a pixel.
+        height = 2 * round(height_in * dpi / 2)  # even, which H.264 requires
+        # 0.01 px more: the canvas truncates sizes to whole pixels.
         self.figure = Figure(figsize=((width * panels + 0.01) / dpi, (height + 0.01) / dpi), dpi=dpi)
         self.canvas = FigureCanvasAgg(self.figure)
         self.time = time
@@ -53,7 +53,7 @@ class Film(Sequence[Frame]):
 
     @property
     def fps(self) -> float:
-        """Frames a second."""
+        """Frames per second."""
         return 1 / float(self.time[1] - self.time[0])
 
     @abstractmethod
@@ -78,15 +78,15 @@ class Film(Sequence[Frame]):
         return np.array(self.canvas.buffer_rgba())[..., :3].copy()
 
 
-class Stage:
-    """The stander from the side with its target and a dot in the middle of its head, in axes of their own."""
+class StanderView:
+    """The stander from the side, with its target and a dot at the centre of its head."""
 
-    def __init__(self, ax: Axes, motion: Motion, target_height: float, reach: float) -> None:
+    def __init__(self, ax: Axes, motion: SampledTrial, target_height: float, reach: float) -> None:
         """`target_height` [m]; the target moves between 0 and `reach` [m]."""
         self.motion, self.target_height = motion, target_height
-        ax.set(xlim=STAGE, ylim=(-BELOW, target_height + ABOVE))
+        ax.set(xlim=X_RANGE, ylim=(-MARGIN, target_height + MARGIN))
         ax.set_axis_off()
-        draw_ground(ax, *STAGE)
+        draw_ground(ax, *X_RANGE)
         ax.plot([0, reach], 2 * [target_height], color=GREY, lw=1.5, alpha=0.6, zorder=1)
         self.body = draw_body(ax, 0.0, 0.0)
         self.line, self.ball = draw_target(ax, 0.0, target_height)
@@ -104,23 +104,25 @@ class Stage:
         self.line.set_data([target, target], [height, self.target_height])
 
 
-class TwoModes(Film):
-    """Standers at different frequencies side by side: each moves, beside five moments of a cycle (paper Fig. 2) and its hip
-    and ankle angle over that cycle."""
+class TwoModesFilm(Film):
+    """Standers at different frequencies side by side: each moving, beside five moments of a cycle (paper Fig. 2) and its
+    hip and ankle angles over that cycle."""
 
     def __init__(
-        self, motions: Sequence[Motion], cycles: Sequence[Motion], width: int, target_height: float, reach: float
+        self, motions: Sequence[SampledTrial], cycles: Sequence[SampledTrial], width: int, target_height: float, reach: float
     ) -> None:
-        """A motion at the frames of the film and, of the same stander, one at evenly spaced moments of a cycle, its end
+        """`motions` at the frames of the film; `cycles` of the same standers at evenly spaced moments of a cycle, both ends
         included. `width` [px] of a panel; `target_height` [m]; the targets move between 0 and `reach` [m]."""
         super().__init__(width, len(motions), HEIGHT_TWO_MODES, motions[0].time)
-        self._panels: list[tuple[Motion, Stage, Text, Line2D, list[Line2D]]] = []
+        self.panels: list[tuple[SampledTrial, StanderView, Text, Line2D, list[Line2D]]] = []
         with rc_context(STYLE):
             for number, (motion, cycle) in enumerate(zip(motions, cycles, strict=True)):
                 self._add(number / len(motions), 1 / len(motions), motion, cycle, target_height, reach)
 
-    def _add(self, left: float, share: float, motion: Motion, cycle: Motion, target_height: float, reach: float) -> None:
-        """A panel at `left` of the figure, `share` of it wide."""
+    def _add(
+        self, left: float, share: float, motion: SampledTrial, cycle: SampledTrial, target_height: float, reach: float
+    ) -> None:
+        """Add a panel that starts at `left` and is `share` wide, as shares of the figure."""
         fig, freq = self.figure, float(motion.freq[0])
 
         def axes(x: float, y: float, wide: float, high: float) -> Axes:
@@ -128,9 +130,9 @@ class TwoModes(Film):
 
         if left:
             fig.add_artist(Line2D([left, left], [0.04, 0.96], color=GREY, lw=0.8, alpha=0.5))
-        fig.text(left + 0.05 * share, 0.925, f"{freq:g} Hz", fontsize=BIG, fontweight="bold")
-        title = fig.text(left + 0.05 * share, 0.855, "", fontsize=BIG, fontweight="bold")
-        stage = Stage(axes(0.01, 0.01, 0.38, 0.82), motion, target_height, reach)
+        fig.text(left + 0.05 * share, 0.925, f"{freq:g} Hz", fontsize=LARGE, fontweight="bold")
+        title = fig.text(left + 0.05 * share, 0.855, "", fontsize=LARGE, fontweight="bold")
+        view = StanderView(axes(0.01, 0.01, 0.38, 0.82), motion, target_height, reach)
         bodies, angles = axes(0.39, 0.42, 0.60, 0.41), axes(0.54, 0.12, 0.37, 0.24)
         at = np.round(PHASES * (len(cycle.time) - 1)).astype(int)
         places = draw_phases(
@@ -140,18 +142,18 @@ class TwoModes(Film):
         _plot_angles(angles, np.linspace(places[0], places[-1], len(cycle.time)), cycle)
         angles.set(xticks=places[[0, 2, 4]], xlim=places[[0, -1]])
         angles.set_xticklabels(["0", f"{0.5 / freq:.3g}", f"{1 / freq:.3g} s"])
-        # Where in the cycle the moving body is.
-        (mark,) = bodies.plot([0], [MARK], "^", ms=9, color="black", clip_on=False, zorder=4)
+        # The present phase of the moving body.
+        (mark,) = bodies.plot([0], [MARK_HEIGHT], "^", ms=9, color="black", clip_on=False, zorder=4)
         (line,) = angles.plot([0, 0], [0, 1], transform=angles.get_xaxis_transform(), **CURSOR)
         dots = [angles.plot([0], [0], "o", ms=8, mfc=c, mec="white", clip_on=False)[0] for c in (HIP_COLOUR, ANKLE_COLOUR)]
-        self._panels.append((motion, stage, title, line, [mark, *dots]))
+        self.panels.append((motion, view, title, line, [mark, *dots]))
         self._length = float(places[-1])
-        self.moving += [*stage.moving, title, line, mark, *dots]
+        self.moving += [*view.moving, title, line, mark, *dots]
 
     def show(self, i: int) -> None:
-        for motion, stage, title, line, (mark, hip, ankle) in self._panels:
-            stage.show(i)
-            _tell_mode(title, motion, i)
+        for motion, view, title, line, (mark, hip, ankle) in self.panels:
+            view.show(i)
+            _show_mode(title, motion, i)
             place = self._length * (float(motion.time[i] * motion.freq[i]) % 1.0)
             line.set_xdata([place, place])
             mark.set_xdata([place])
@@ -159,24 +161,25 @@ class TwoModes(Film):
             ankle.set_data([place], [math.degrees(motion.ankle[i])])
 
 
-class Ramp(Film):
-    """A stander whose target gets faster (paper Exp. 4a): it moves, beside its angles in the window of the correlation, over
-    the running correlation against the momentary frequency."""
+class RampFilm(Film):
+    """A stander whose target gets faster (paper Exp. 4a), beside its angles in the window of the correlation, and above the
+    running correlation against the momentary frequency."""
 
     def __init__(
-        self, motion: Motion, trailing: Array, trace: Motion, window: float, width: int, target_height: float, reach: float,
-        paper_hz: float,
+        self, motion: SampledTrial, trailing: Array, trace: SampledTrial, window: float, width: int, target_height: float,
+        reach: float, paper_hz: float,
     ) -> None:  # fmt: skip
-        """`motion` with the centred correlation, and the `trailing` one (F,), at the frames; `trace`, the same at the
-        control steps; `window` of the correlation [s]; `paper_hz`: where the paper's changes sign [Hz]. See `TwoModes`."""
+        """`motion` at the frames, with the centred correlation; `trailing` correlation at the frames, (F,); `trace`, like
+        `motion` but at the control steps; `window` of the correlation [s]; `paper_hz`: frequency at which the paper's
+        correlation changes sign [Hz]. See `TwoModesFilm`."""
         super().__init__(width, 2, HEIGHT_RAMP, motion.time)
         self._motion, self._trailing, self._trace, self._half = motion, trailing, trace, window / 2
         with rc_context(STYLE):
             fig = self.figure
-            self._stage = Stage(fig.add_axes((0.02, 0.37, 0.26, 0.61)), motion, target_height, reach)
-            self._freq = fig.text(0.34, 0.92, "", fontsize=BIG, fontweight="bold")
+            self.view = StanderView(fig.add_axes((0.02, 0.37, 0.26, 0.61)), motion, target_height, reach)
+            self._freq = fig.text(0.34, 0.92, "", fontsize=LARGE, fontweight="bold")
             self._clock = fig.text(0.02, 0.93, "", fontsize=MEDIUM)
-            self._mode = fig.text(0.97, 0.92, "", fontsize=BIG, fontweight="bold", ha="right")
+            self._mode = fig.text(0.97, 0.92, "", fontsize=LARGE, fontweight="bold", ha="right")
             self._angles = fig.add_axes((0.42, 0.50, 0.55, 0.36))
             self._hip, self._ankle = _plot_angles(self._angles, trace.time, trace)
             self._angles.set(xlim=(-self._half, self._half), xlabel="")
@@ -184,7 +187,7 @@ class Ramp(Film):
             self._angles.axvline(0, **CURSOR)
             self._correlation(fig.add_axes((0.11, 0.10, 0.86, 0.28)), paper_hz)
         moving = [self._freq, self._clock, self._mode, self._hip, self._ankle, *self._switch, *self._lines, self._dot]
-        self.moving += [*self._stage.moving, *moving]
+        self.moving += [*self.view.moving, *moving]
 
     def _correlation(self, ax: Axes, paper_hz: float) -> None:
         motion, side = self._motion, {"fontsize": MEDIUM, "fontweight": "bold", "transform": ax.transAxes}
@@ -215,10 +218,10 @@ class Ramp(Film):
 
     def show(self, i: int) -> None:
         motion, now = self._motion, float(self._motion.time[i])
-        self._stage.show(i)
+        self.view.show(i)
         self._freq.set_text(f"{motion.freq[i]:.2f} Hz")
         self._clock.set_text(f"{now:.1f} s")
-        _tell_mode(self._mode, motion, i)
+        _show_mode(self._mode, motion, i)
         near = slice(*np.searchsorted(self._trace.time, [now - self._half, now + self._half]))
         for line, signal in ((self._hip, self._trace.hip), (self._ankle, self._trace.ankle)):
             line.set_data(self._trace.time[near] - now, np.degrees(signal[near]))
@@ -235,8 +238,8 @@ def _where(values: Array, wanted: Any) -> Array:
     return np.where(wanted, values, np.nan)
 
 
-def _plot_angles(ax: Axes, x: Array, motion: Motion) -> list[Line2D]:
-    """Hip and ankle angle [deg] against `x`, with their names above; the y axis is wide enough for the whole motion."""
+def _plot_angles(ax: Axes, x: Array, motion: SampledTrial) -> list[Line2D]:
+    """Plot hip and ankle angle [deg] against `x`, with their names above; the y axis fits the whole motion."""
     lines = []
     for signal, colour, name in ((motion.hip, HIP_COLOUR, "hip"), (motion.ankle, ANKLE_COLOUR, "ankle")):
         lines += ax.plot(x, np.degrees(signal), color=colour, lw=2.4)
@@ -252,12 +255,12 @@ def _plot_angles(ax: Axes, x: Array, motion: Motion) -> list[Line2D]:
     return lines
 
 
-def _tell_mode(text: Text, motion: Motion, i: int) -> None:
-    """The mode by the running correlation in its colour, or the fall."""
+def _show_mode(text: Text, motion: SampledTrial, i: int) -> None:
+    """Set `text` to the mode of the running correlation, in its colour, or to the fall."""
     if motion.time[i] >= motion.fall:
         text.set(text="fell", color=FALL_COLOUR)
         return
     r = float(motion.r[i])
-    told = mode(r)
+    name = mode(r)
     number = f"   r = {r:+.2f}".replace("-", "\u2212") if math.isfinite(r) else ""
-    text.set(text=told + number, color=MODE_COLOUR[told])
+    text.set(text=name + number, color=MODE_COLOUR[name])

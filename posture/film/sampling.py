@@ -1,4 +1,4 @@
-"""What a film shows: one world of a trajectory at the moments of its frames."""
+"""One world of a trajectory, sampled at the frames of a film, and its running correlation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from posture.config.errors import RunError
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class SampledTrial:
     """A stander at the F frames of a film. Arrays (F,). After a fall it keeps its last pose.
 
     Angles as in `Trajectory`: hip flexion is negative, and the ankle is negative when the body leans forward.
@@ -25,42 +25,42 @@ class Motion:
     ankle: Array  # [rad]
     head_x: Array  # [m]
     target_x: Array  # [m]
-    foot_x: Array  # [m] how far forward the feet have crept
-    r: Array  # running hip-ankle correlation, nan where it is not defined
-    fall: float  # [s] of the film, inf without one; negative where it was before the first frame
+    foot_x: Array  # [m] how far forward the feet have moved
+    r: Array  # running hip-ankle correlation, nan where undefined
+    fall: float  # time of the fall [s], inf if none, negative if before the first frame
 
 
-def at_frames(trajectory: Trajectory, world: int, freq: Array | float, r: Array, start: float, time: Array) -> Motion:
-    """World `world` at `time` (F,) [s] of a film that begins at `start` [s] of the trial, linear between control steps.
+def sample(trajectory: Trajectory, world: int, freq: Array | float, r: Array, start: float, time: Array) -> SampledTrial:
+    """World `world` at `time` (F,) [s] of a film that starts `start` [s] into the trial, interpolated linearly.
 
-    `freq` [Hz], (F,) or one number; `r` (T,), of the control steps. Raises RunError where it fell at once.
+    `freq` [Hz], (F,) or one number; `r` (T,) at the control steps. Raises RunError if it fell at the first step.
     """
     step = int(trajectory.fall_step[world])
     if step == 0:
         raise RunError("the stander fell at the first step: there is nothing to film")
-    whole = slice(0, step if step > 0 else None)
-    known, now = trajectory.time[whole], start + time
+    upright = slice(0, step if step > 0 else None)
+    now = start + time
 
-    def of(signal: Array) -> Array:
-        return np.interp(now, known, signal[whole, world])
+    def at_frames(signal: Array) -> Array:
+        return np.interp(now, trajectory.time[upright], signal[upright, world])
 
-    return Motion(
+    return SampledTrial(
         time=time,
         freq=np.broadcast_to(np.asarray(freq, dtype=np.float64), time.shape),
-        hip=of(trajectory.hip),
-        ankle=of(trajectory.ankle),
-        head_x=of(trajectory.head_x),
-        target_x=of(trajectory.target_x),
-        foot_x=of(trajectory.foot_displacement),
+        hip=at_frames(trajectory.hip),
+        ankle=at_frames(trajectory.ankle),
+        head_x=at_frames(trajectory.head_x),
+        target_x=at_frames(trajectory.target_x),
+        foot_x=at_frames(trajectory.foot_displacement),
         r=np.interp(now, trajectory.time, r),
         fall=float(trajectory.time[step]) - start if step > 0 else math.inf,
     )
 
 
 def running_correlation(trajectory: Trajectory, world: int, steps: int, still_rad: float, *, centred: bool) -> Array:
-    """Hip-ankle correlation in a window of `steps`, but of a cycle at least where the target has one frequency. (T,).
+    """Hip-ankle correlation in a window of `steps`, or of one cycle if the frequency is constant and that is longer.
 
-    A part of a cycle would show how the joints move in that part, not how they are coordinated. See `window_correlation`.
+    Shape (T,). The correlation over part of a cycle differs from that of the cycle. See `window_correlation`.
     """
     freq = float(trajectory.freq[world])
     if math.isfinite(freq):
