@@ -12,12 +12,11 @@ import torch
 from hypothesis import settings
 from pydantic import BaseModel
 
-from envs.body.segments import Segments
+from envs.body.segments import Segments, read_segments
 from envs.config import EnvConfig
 from posture.cli import jobs
 from posture.config.eval import EvalConfig
 from posture.config.train import TrainConfig
-from posture.theory.stander import segments
 
 Schema = TypeVar("Schema", bound=BaseModel)
 
@@ -65,7 +64,7 @@ def config(env_config: Callable[..., EnvConfig]) -> EnvConfig:
 @pytest.fixture(scope="session")
 def body(config: EnvConfig) -> Segments:
     """The default body as the theory reads it from the simulation."""
-    return segments(config)
+    return read_segments(config)
 
 
 @pytest.fixture(autouse=True)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from envs.body.joints import ANKLE, BODIES, HIP, JOINTS
+from envs.config import EnvConfig
 
 if TYPE_CHECKING:
     import newton
@@ -108,3 +109,11 @@ def segments(model: newton.Model) -> Segments:
         half_width=np.array([hip_y, ankle_y]),
         gravity=-float(model.gravity.numpy()[-1][2]),
     )
+
+
+def read_segments(config: EnvConfig) -> Segments:
+    """The segments of the body as simulated, from the Newton model that `build_model` gives for `config`."""
+    # Imported here because what is computed from the result needs no simulator.
+    from envs.body.model import build_model
+
+    return segments(build_model(config, num_worlds=1, device="cpu"))

@@ -8,6 +8,7 @@ from typing import Any
 
 import torch
 
+from envs.body.segments import read_segments
 from envs.config import EnvConfig, Schedule, as_plain
 from envs.task.head_tracking import HeadTrackingEnv
 from posture.analysis.coordination import measure_trajectory
@@ -32,7 +33,7 @@ from posture.storage.code_version import analysis_version, envs_version
 from posture.theory.lqr import plan
 from posture.theory.prediction import predict
 from posture.theory.program import InfeasibleError
-from posture.theory.stander import linearise, segments
+from posture.theory.stander import linearise
 
 AS_TRAINED = EnvChanges(hip_k=None, ankle_k=None, load=None, amplitude=None, physics=None, ramp=None)
 
@@ -85,7 +86,7 @@ def evaluate_lqr(
 ) -> list[Result]:
     """Evaluate the model-based controller; see `evaluate_policy`. Raises ConfigError where its motion cannot be planned."""
     trial = trial_config(config.env, evaluation, changes, device)
-    stander = linearise(segments(trial), trial)
+    stander = linearise(read_segments(trial), trial)
     try:
         motions = [plan(stander, freq, trial.amplitude, evaluation.tolerance, config) for freq in evaluation.freq]
     except InfeasibleError as error:
@@ -180,7 +181,7 @@ def with_theory(rows: list[Result], env: EnvConfig, evaluation: EvaluationConfig
     """
     if env.ramp is not None or evaluation.tolerance >= env.amplitude:
         return rows  # no periodic motion to compare with, or standing still is good enough
-    body = segments(env)
+    body = read_segments(env)
     least = [predict(body, env, row.freq_hz, evaluation.tolerance, evaluation.duration).least for row in rows]
     return [replace(row, least=best, cost_ratio=row.cost / best.cost) for row, best in zip(rows, least, strict=True)]
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import viser
 
+from envs.body.segments import read_segments
 from posture.config.errors import ConfigError, RunError
 from posture.config.play import PlayConfig
 from posture.config.published import read_published
@@ -23,7 +24,6 @@ from posture.play.session import Session
 from posture.play.theory_worker import TheoryWorker
 from posture.storage import run_dir
 from posture.storage.atomic import replacing
-from posture.theory.stander import segments
 
 MAX_START_S = 60.0
 """[s] after which the recording starts even if no mode is defined."""
@@ -41,7 +41,7 @@ def record(config: PlayConfig, path: Path) -> None:
     worker = TheoryWorker()
     logging.getLogger("websockets").setLevel(logging.WARNING)
     try:
-        session = Session(config, policies, segments(policies[0].env), worker)
+        session = Session(config, policies, read_segments(policies[0].env), worker)
         server = quiet_server(0)  # viser records what a server sends; no browser is needed
         try:
             page = record_ramp(session, server, config)

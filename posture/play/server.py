@@ -16,7 +16,7 @@ from collections.abc import Iterator
 import torch
 import viser
 
-from envs.body.segments import Segments
+from envs.body.segments import Segments, read_segments
 from posture.config.errors import ConfigError
 from posture.config.play import PlayConfig
 from posture.config.published import read_published
@@ -26,7 +26,6 @@ from posture.play.policies import PolicyChoice, policy_choices
 from posture.play.scene import Scene, aim_camera
 from posture.play.session import Session
 from posture.play.theory_worker import TheoryWorker
-from posture.theory.stander import segments
 
 HOST = "127.0.0.1"
 MAX_LAG_S = 0.25
@@ -67,7 +66,7 @@ class Server:
     def __init__(self, config: PlayConfig, policies: list[PolicyChoice], worker: TheoryWorker) -> None:
         torch.set_num_threads(1)
         self._config, self._policies, self._worker = config, policies, worker
-        self._body = segments(policies[0].env)
+        self._body = read_segments(policies[0].env)
         self._lock = threading.Lock()
         self.visitors: dict[int, Visitor] = {}
         logging.getLogger("websockets").setLevel(logging.CRITICAL)

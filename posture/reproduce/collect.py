@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 
 from envs.body.model import MJCF
+from envs.body.segments import read_segments
 from envs.config import EnvConfig
 from posture.analysis.results import NO_REWARD, Result, RewardOptimum, read_csv
 from posture.analysis.trajectory import Trajectory
@@ -29,7 +30,7 @@ from posture.storage import run_dir, yaml_files
 from posture.theory.motion import motion_indices
 from posture.theory.program import InfeasibleError
 from posture.theory.reward_optimum import reward_optimum
-from posture.theory.stander import linearise, segments
+from posture.theory.stander import linearise
 from posture.theory.transition import bound_transition, reward_transition, sinusoid_transition
 
 WITH_REWARD_OPTIMUM = ("frequency", "energy", "load", "hip_stiffness")
@@ -84,7 +85,7 @@ def other_runs(jobs: Sequence[Job]) -> list[Path]:
 def theory_transitions(run: TrainConfig, search: tuple[float, float]) -> Transitions:
     """The frequencies at which the modes of the linear stander of `run` switch."""
     tolerance = run.evaluation.tolerance
-    stander = linearise(segments(run.env), run.env)
+    stander = linearise(read_segments(run.env), run.env)
     least = bound_transition(stander, run.env.amplitude, tolerance, search)
     reward = reward_transition(stander, run.env, tolerance, search)
     sinusoid = sinusoid_transition(stander, search)
@@ -97,7 +98,7 @@ def read_body(env: EnvConfig) -> Body:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     hip, ankle = (np.degrees(model.joint(f"{name}_left").range) for name in ("hip", "ankle"))
-    foot = segments(env)
+    foot = read_segments(env)
     return Body(
         mass=float(model.body_mass.sum()),
         height=float(data.geom("head").xpos[2] + model.geom("head").size[0]),
@@ -158,7 +159,7 @@ def _read(
 
 def _with_reward_optimum(results: Sequence[Result], run: TrainConfig, freq: float | None) -> list[Result]:
     """`results` with the optimum of the trained reward (posture/theory/reward_optimum.py), only at `freq` [Hz] if given."""
-    body = segments(run.env)
+    body = read_segments(run.env)
 
     @cache
     def optimum(freq: float, **changes: float) -> RewardOptimum:

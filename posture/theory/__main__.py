@@ -17,13 +17,13 @@ def theory(config: TheoryConfig, folder: Path) -> None:
     """Print and write the tables, and draw the map, of one stander."""
     out = run_dir.writable(folder / "theory" if config.out is None else Path(config.out))
     # Imported here because they are slow.
+    from envs.body.segments import read_segments
     from posture.analysis.results import write_rows
     from posture.theory.figures import draw_map
     from posture.theory.program import InfeasibleError
-    from posture.theory.stander import segments
     from posture.theory.tables import all_tables
 
-    body = segments(config.env)
+    body = read_segments(config.env)
     try:
         found = all_tables(body, config)
     except InfeasibleError as error:

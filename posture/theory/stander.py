@@ -95,15 +95,6 @@ class Stander:
         return self.cop_angle - w**2 * self.cop_acceleration
 
 
-def segments(config: EnvConfig) -> Segments:
-    """The body as simulated, read from the Newton model that `envs.body.model.build_model` gives."""
-    # Only here, so that what is computed from the result needs no simulator.
-    from envs.body import segments as planar
-    from envs.body.model import build_model
-
-    return planar.segments(build_model(config, num_worlds=1, device="cpu"))
-
-
 def linearise(body: Segments, config: EnvConfig) -> Stander:
     """The linear stander of `body` with the springs, dampers, armature, load and torque limit of `config`.
 

@@ -10,11 +10,12 @@ import pytest
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 
+from envs.body.segments import read_segments
 from posture.cli import entry
 from posture.config.theory import TheoryConfig
 from posture.theory.__main__ import theory
 from posture.theory.prediction import cop_binds, predict
-from posture.theory.stander import linearise, segments
+from posture.theory.stander import linearise
 from posture.theory.tables import _steps
 from tests.conftest import composed
 
@@ -130,14 +131,14 @@ def test_help_comes_from_the_module(tmp_path):
 
 def test_a_row_says_what_cannot_be_met(env_config):
     config = env_config("env.torque_limit=1")
-    row = predict(segments(config), config, 0.6, 0.025, 100.0)
+    row = predict(read_segments(config), config, 0.6, 0.025, 100.0)
     assert row.feasible is False and math.isnan(row.least.cost) and row.least.mode == "undefined"
     assert row.sinusoid.cost > 1.0 and row.least.cop_binds == "-"
 
 
 def test_where_the_centre_of_pressure_binds(env_config):
     config = env_config()
-    stander = linearise(segments(config), config)
+    stander = linearise(read_segments(config), config)
     assert [cop_binds(stander, low, high) for low, high in ((-0.05, 0.12), (-0.06, 0.12), (-0.05, 0.13), (-0.06, 0.13))] == [
         "none", "heel", "toe", "both"]  # fmt: skip
 

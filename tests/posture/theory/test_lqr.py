@@ -5,6 +5,7 @@ import csv
 import numpy as np
 import pytest
 
+from envs.body.segments import read_segments
 from envs.task.head_tracking import HeadTrackingEnv
 from posture.config.errors import ConfigError
 from posture.config.eval import EvalConfig
@@ -13,7 +14,7 @@ from posture.evaluation.lqr_policy import LqrController
 from posture.evaluation.trial import AS_TRAINED, evaluate_lqr, trial_config
 from posture.theory.lqr import gain, lean, plan, reference
 from posture.theory.program import InfeasibleError
-from posture.theory.stander import linearise, segments
+from posture.theory.stander import linearise
 from tests.conftest import compose_eval
 
 EVAL: EvalConfig = compose_eval("evaluation.freq=[0.5,1.0]", "evaluation.duration=10.0", "evaluation.transient=4.0")
@@ -22,7 +23,7 @@ LQR = EVAL.lqr
 
 @pytest.fixture(scope="module")
 def stander():
-    return linearise(segments(LQR.env), LQR.env)
+    return linearise(read_segments(LQR.env), LQR.env)
 
 
 def test_upright_falls_alone_and_stands_with_the_feedback(stander):

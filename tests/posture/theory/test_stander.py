@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 from envs.body.joints import JOINTS
 from envs.body.model import MJCF
+from envs.body.segments import read_segments
 from posture.theory.motion import PeriodicMotion
 from posture.theory.optimum import sinusoid
-from posture.theory.stander import linearise, segments
+from posture.theory.stander import linearise
 
 ANKLE_OVER_GROUND, ANKLE_X = 0.108, -0.01
 SMALL = 1e-3
@@ -26,7 +27,7 @@ def config(env_config):
 
 @pytest.fixture(scope="module")
 def stander(config):
-    return linearise(segments(config), config)
+    return linearise(read_segments(config), config)
 
 
 class Held:
@@ -82,7 +83,7 @@ class Held:
 
 def shifted(config, forward):
     """Both models of a body whose HAT has its centre of mass further forward [m]."""
-    held, body = Held(config), segments(config)
+    held, body = Held(config), read_segments(config)
     held.model.body("hat").ipos[0] += forward
     return held, linearise(replace(body, hat_com=body.hat_com + [forward, 0.0]), config)
 
@@ -219,7 +220,7 @@ def test_velocity_and_acceleration_are_derivatives(stander, freq, values):
 def test_no_load_twice(env_config):
     """A load adds its mass at the HAT's centre: to the mass matrix by its lever squared about both joints."""
     config = env_config()
-    body = segments(config)
+    body = read_segments(config)
     bare, loaded = (linearise(body, config.model_copy(update={"load": load})) for load in (0.0, 3.0))
     hip, com = body.hip, body.hat_com
     about_hip, about_ankle = 3.0 * com @ com, 3.0 * (hip + com) @ (hip + com)
