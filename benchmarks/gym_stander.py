@@ -32,7 +32,7 @@ class StanderEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     given as a range is drawn uniformly, episode by episode, with Gymnasium's own random numbers.
     """
 
-    def __init__(self, config: EnvConfig) -> None:
+    def __init__(self, config: EnvConfig, training_steps: int | None = None) -> None:
         terms = [term for group in config.observations.values() for term in group]
         unsupported = sorted(set(terms) - set(TERMS))
         if unsupported:
@@ -47,7 +47,7 @@ class StanderEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self.angles, self.dofs = model.jnt_qposadr[hinges], model.jnt_dofadr[hinges]
         self.hat, self.feet = model.body("hat").id, [model.body(foot).id for foot in FEET]
         self.head, self.hat_com = model.geom("head").pos, model.body("hat").ipos
-        self.steps = 0
+        self.steps, self.training_steps = 0, training_steps
         self.action = np.zeros(len(JOINTS))
         self.reset()
         self.action_space = spaces.Box(-1.0, 1.0, (2,))
@@ -110,19 +110,15 @@ class StanderEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     def _reward(self, ended: bool) -> float:
         config, terms = self.config, self.config.reward
         if ended and terms.ended is not None:
-            return terms.scale * rewards.weight(terms.ended, self.steps)
-        torque, velocity = config.torque_limit * self.action, self.data.qvel[self.dofs]
-        step, limit = config.control_dt, config.torque_limit
-        unit = {"joule": step, "normalised": step / limit, "authors_code": 0.1 / limit}[terms.energy_unit]
-        energy = -unit * float(np.abs(torque * velocity).sum())
-        effort = rewards.torque_squared(torque if terms.torque_unit == "newton_metre" else self.action)
+            return terms.scale * rewards.weight(terms.ended, self.steps, self.training_steps)
+        energy, torque = rewards.effort(self.action, self.data.qvel[self.dofs], config)
         stay = rewards.closeness(sum(self.foot_displacement) / len(FEET), terms.stay_sharpness)
         tracking = rewards.closeness(self.target_x - self.head_x, terms.target_sharpness)
         return terms.scale * float(
-            rewards.weight(terms.stay_weight, self.steps) * stay
-            + rewards.weight(terms.target_weight, self.steps) * tracking
-            + rewards.weight(terms.alive, self.steps)
-            + rewards.weight(config.energy_weight, self.steps) * (energy + effort)
+            rewards.weight(terms.stay_weight, self.steps, self.training_steps) * stay
+            + rewards.weight(terms.target_weight, self.steps, self.training_steps) * tracking
+            + rewards.weight(terms.alive, self.steps, self.training_steps)
+            + rewards.weight(config.energy_weight, self.steps, self.training_steps) * (energy + torque)
         )
 
     def _observation(self) -> np.ndarray:
@@ -166,13 +162,13 @@ class Pool:
     worlds than cores.
     """
 
-    def __init__(self, config: EnvConfig, worlds: int, processes: int, seed: int) -> None:
+    def __init__(self, config: EnvConfig, worlds: int, processes: int, seed: int, training_steps: int | None = None) -> None:
         context, self._pipes, self._first = multiprocessing.get_context(FORK), [], []
         configs = shares(config, worlds)
         for places in np.array_split(np.arange(worlds), processes):
             ours, theirs = context.Pipe()
             own = [(configs[place], seed + int(place)) for place in places]
-            context.Process(target=_work, args=(theirs, own), daemon=True).start()
+            context.Process(target=_work, args=(theirs, own, training_steps), daemon=True).start()
             self._pipes.append(ours)
             self._first.append(int(places[0]))
         self.observation = np.concatenate([pipe.recv() for pipe in self._pipes])
@@ -192,9 +188,9 @@ class Pool:
             pipe.send(None)
 
 
-def _work(pipe, configs_and_seeds: list[tuple[EnvConfig, int]]) -> None:
+def _work(pipe, configs_and_seeds: list[tuple[EnvConfig, int]], training_steps: int | None) -> None:
     """What a process of a `Pool` does until it is sent None."""
-    envs = [StanderEnv(config) for config, _ in configs_and_seeds]
+    envs = [StanderEnv(config, training_steps) for config, _ in configs_and_seeds]
     pipe.send(np.stack([env.reset(seed=seed)[0] for env, (_, seed) in zip(envs, configs_and_seeds, strict=True)]))
     while (actions := pipe.recv()) is not None:
         observations, gains, ended, timed_out, _ = map(list, zip(*map(StanderEnv.step, envs, actions), strict=True))

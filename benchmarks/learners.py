@@ -173,7 +173,7 @@ def _share(config: TrainConfig, judge: Judge | None) -> None:
     part = parallel.rank(), parallel.size()
     torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed + part[0])
-    env = HeadTrackingEnv(config.env, config.seed, config.device, part)
+    env = HeadTrackingEnv(config.env, config.seed, config.device, part, config.training_steps)
     env.warm_up()
     with tempfile.TemporaryDirectory() as folder:
         learner = _JudgedLearner(env, config.agent, Path(folder), config.device)

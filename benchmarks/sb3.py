@@ -22,7 +22,7 @@ class PoolVecEnv(VecEnv):
     def __init__(self, config: TrainConfig, processes: int) -> None:
         one = StanderEnv(config.env)
         super().__init__(config.env.num_envs, one.observation_space, one.action_space)
-        self._pool = Pool(config.env, self.num_envs, processes, config.seed)
+        self._pool = Pool(config.env, self.num_envs, processes, config.seed, config.training_steps)
 
     def reset(self) -> np.ndarray:
         return self._pool.observation  # SB3 asks once, at the start, where every world stands anyway

@@ -7,6 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
+from envs.task.observations import TERMS
+
 MIN_FREQ_HZ, MAX_FREQ_HZ = 0.001, 10.0
 """Frequencies of the target [Hz]: a period is 1000 s at most."""
 STEPS_A_PERIOD = 6
@@ -41,30 +43,6 @@ AnkleStiffness = Annotated[float, Field(ge=0, le=400)]
 Load = Annotated[float, Field(ge=0, le=50)]
 Sharpness = Annotated[float, Field(gt=0, le=10_000)]
 Physics = Literal["sagittal", "mujoco", "mujoco_c"]
-ObservationTerm = Literal[
-    "torso_height",
-    "torso_velocity",
-    "torso_angular_velocity",
-    "torso_pitch",
-    "torso_motion",
-    "torso_orientation",
-    "joint_angle",
-    "joint_velocity",
-    "hip_ankle_angle",
-    "hip_ankle_velocity",
-    "joint_force",
-    "foot_position",
-    "feet_place",
-    "foot_wrench",
-    "sole_load",
-    "head",
-    "last_action",
-    "last_command",
-    "target",
-    "target_velocity",
-    "target_error",
-]
-"""Names of the terms in envs/task/observations.py. Here, so that configurations are checked without torch."""
 
 
 class Ramp(Strict):
@@ -89,11 +67,11 @@ class Ramp(Strict):
 
 
 class Schedule(Strict):
-    """A weight that goes from `start` to `end` geometrically over `steps` control steps of each world, then holds."""
+    """A weight that changes geometrically from `start` to `end` up to the share `until` of the training, then stays."""
 
     start: Annotated[float, Field(ge=-10_000, le=10_000)]
     end: Annotated[float, Field(ge=-10_000, le=10_000)]
-    steps: Annotated[int, Field(ge=1, le=1_000_000_000)]
+    until: Annotated[float, Field(gt=0, le=1000)]
 
     @model_validator(mode="after")
     def _geometric(self) -> "Schedule":
@@ -163,7 +141,7 @@ class EnvConfig(Strict):
     observations: Annotated[
         dict[
             Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")],
-            Annotated[tuple[ObservationTerm, ...], Field(min_length=1)],
+            Annotated[tuple[str, ...], Field(min_length=1)],
         ],
         Field(min_length=1),
     ]
@@ -183,6 +161,12 @@ class EnvConfig(Strict):
                 f"control_dt: {self.control_dt:g} s in {self.solver.substeps} solver.substeps make physics steps of "
                 f"{self.control_dt / self.solver.substeps:g} s; allowed is at most {MAX_PHYSICS_STEP_S:g} s"
             )
+        for group, terms in self.observations.items():
+            unknown = sorted(set(terms) - TERMS.keys())
+            if unknown:
+                raise ValueError(
+                    f"observations.{group}: unknown {', '.join(unknown)}; allowed are {', '.join(sorted(TERMS))}"
+                )
         check_followed(self.highest_freq, self.control_dt, "freq" if self.ramp is None else "ramp")
         tolerance = self.termination.head_tolerance
         if tolerance is not None and tolerance > self.amplitude:
@@ -191,6 +175,12 @@ class EnvConfig(Strict):
                 f"target's amplitude of {self.amplitude:g} m"
             )
         return self
+
+    @property
+    def schedules(self) -> dict[str, Schedule]:
+        """The weights that change during a training, by their keys."""
+        weights = {"energy_weight": self.energy_weight, **{f"reward.{name}": weight for name, weight in self.reward}}
+        return {name: weight for name, weight in weights.items() if isinstance(weight, Schedule)}
 
     @property
     def highest_freq(self) -> float:

@@ -39,9 +39,11 @@ def _train(config: TrainConfig, folder: Path) -> None:
         config = _resumed(config, folder)
     started_before = config.resume is not None or (folder / "resume.pt").exists()
     done = iterations_done(folder) if started_before else 0
+    # Schedules of weights keep the length that the training began with.
+    steps = (run_dir.read_config(folder) if started_before else config).training_steps
     if done < config.max_iterations:
-        with parallel.worker_processes(config.processes, config.device, _learn, config, folder, done > 0):
-            _learn(config, folder, done > 0)
+        with parallel.worker_processes(config.processes, config.device, _learn, config, folder, done > 0, steps):
+            _learn(config, folder, done > 0, steps)
     else:
         print(f"{folder}: already trained")
     if parallel.rank() != 0:
@@ -53,8 +55,11 @@ def _train(config: TrainConfig, folder: Path) -> None:
     print(f"run: {folder}")
 
 
-def _learn(config: TrainConfig, folder: Path, resume: bool) -> None:
-    """Train this process's share of the worlds; `resume`: continue from the newest checkpoint in `folder`."""
+def _learn(config: TrainConfig, folder: Path, resume: bool, training_steps: int) -> None:
+    """Train this process's share of the worlds; `resume`: continue from the newest checkpoint in `folder`.
+
+    training_steps: control steps of each world in the training as it was begun.
+    """
     import torch
 
     from envs.task.head_tracking import HeadTrackingEnv
@@ -73,14 +78,27 @@ def _learn(config: TrainConfig, folder: Path, resume: bool) -> None:
         if not resume:
             provenance.write_config(folder, config)
     with preparing():
-        env = HeadTrackingEnv(config.env, config.seed, device, (rank, size))
+        env = HeadTrackingEnv(config.env, config.seed, device, (rank, size), training_steps)
         learner = Learner(env, config.agent, folder, device)
         env.warm_up()
         if resume:
             learner.resume()
             if rank == 0:
                 provenance.write_config(folder, config)  # after `resume` has accepted the checkpoint
+    if rank == 0:
+        _report_unfinished_schedules(config, env.training_steps or training_steps)
     learner.train(config.max_iterations)
+
+
+def _report_unfinished_schedules(config: TrainConfig, training_steps: int) -> None:
+    """Print a line where the training ends before a schedule of a weight does."""
+    ends = {f"env.{name}": schedule.until * training_steps for name, schedule in config.env.schedules.items()}
+    unfinished = {name: end / config.agent.num_steps_per_env for name, end in ends.items() if end > config.training_steps}
+    if unfinished:
+        print(
+            f"{', '.join(unfinished)}: the schedule ends after {max(unfinished.values()):g} iterations, "
+            f"the training after {config.max_iterations}"
+        )
 
 
 def _resumed(config: TrainConfig, folder: Path) -> TrainConfig:

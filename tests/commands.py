@@ -1,6 +1,9 @@
-"""Commands as users type them, run in this process, and what comes of them."""
+"""Commands as users type them, run in this process, and their results."""
 
+import contextlib
 import csv
+import io
+import logging
 import sys
 from pathlib import Path
 
@@ -11,13 +14,20 @@ from hydra.core.hydra_config import HydraConfig
 from posture.cli import entry
 from posture.config.eval import EvalConfig
 from posture.config.export import ExportConfig
+from posture.config.film import FilmConfig
+from posture.config.play import PlayConfig
 from posture.config.reproduce import ReproduceConfig
+from posture.config.theory import TheoryConfig
 from posture.config.train import TrainConfig
 from posture.eval import evaluate_all
 from posture.export.__main__ import export
+from posture.film.__main__ import film
+from posture.play.__main__ import play
 from posture.reproduce.__main__ import reproduce
+from posture.theory.__main__ import theory
 from posture.train import train
 
+EVALUATION = ["evaluation.duration=1.0", "evaluation.transient=0.1", "evaluation.freq=[0.5,1.5]"]
 TINY = [
     "env.num_envs=8",
     "processes=1",
@@ -26,9 +36,7 @@ TINY = [
     "agent.algorithm.num_mini_batches=2",
     "agent.algorithm.num_learning_epochs=1",
     "agent.save_interval=1",
-    "evaluation.duration=1.0",
-    "evaluation.transient=0.1",
-    "evaluation.freq=[0.5,1.5]",
+    *EVALUATION,
 ]
 TINY_THEORY = [
     "evaluation.freq=[0.3]",
@@ -40,29 +48,48 @@ TINY_THEORY = [
 ENTRIES = {
     "train": (TrainConfig, train),
     "eval": (EvalConfig, evaluate_all),
-    "export": (ExportConfig, export),
+    "theory": (TheoryConfig, theory),
     "reproduce": (ReproduceConfig, reproduce),
+    "play": (PlayConfig, play),
+    "film": (FilmConfig, film),
+    "export": (ExportConfig, export),
 }
 
 
-def call(monkeypatch, command, *arguments):
-    """`python -m posture.<command> arguments` in this process."""
+def call(monkeypatch, command, *arguments, task=None):
+    """`python -m posture.<command> arguments` in this process, with another function as its task if one is given."""
     GlobalHydra.instance().clear()
     HydraConfig.instance().cfg = None
     monkeypatch.setattr(sys, "argv", [f"posture.{command}", *arguments])
-    kind, task = ENTRIES[command]
-    entry.run(command, kind, task)
+    monkeypatch.setattr(logging, "raiseExceptions", False)  # Hydra logs to the stdout of an earlier test
+    kind, own = ENTRIES[command]
+    entry.run(command, kind, task or own)
+
+
+def answer(command, *arguments):
+    """Exit code, stderr, and the configurations that the jobs of a command line would have; nothing is run."""
+    configs, stderr, code = [], io.StringIO(), 0
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        contextlib.redirect_stderr(stderr),
+        contextlib.redirect_stdout(io.StringIO()),
+    ):
+        try:
+            call(patch, command, *arguments, task=lambda config, folder: configs.append(config))
+        except SystemExit as stop:
+            code = stop.code
+    return code, stderr.getvalue(), configs
 
 
 def refused(monkeypatch, capsys, command, *arguments):
-    """The one line that bad input is answered with."""
+    """The one line with which bad input is refused."""
     with pytest.raises(SystemExit) as stop:
         call(monkeypatch, command, *arguments)
-    told = capsys.readouterr()
-    assert stop.value.code == 2, told.err
-    lines = told.err.strip().splitlines()
-    assert len(lines) == 1 and lines[0].startswith("error: "), told.err
-    assert "Traceback" not in told.err + told.out
+    printed = capsys.readouterr()
+    assert stop.value.code == 2, printed.err
+    lines = printed.err.strip().splitlines()
+    assert len(lines) == 1 and lines[0].startswith("error: "), printed.err
+    assert "Traceback" not in printed.err + printed.out
     return lines[0]
 
 

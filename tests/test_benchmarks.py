@@ -61,8 +61,8 @@ def test_agrees_with_our_environment(env_config, noise, overrides):
 
 
 def test_time_out_and_schedule(env_config):
-    config = env_config("env.episode_steps=3", "env.freq=0.015", "env.reward.stay_weight={start: 5.0, end: 1.0, steps: 10}")
-    env = gym_stander.StanderEnv(config)
+    config = env_config("env.episode_steps=3", "env.freq=0.015", "env.reward.stay_weight={start: 5.0, end: 1.0, until: 0.5}")
+    env = gym_stander.StanderEnv(config, training_steps=20)
     still = np.zeros(2)
     gains = []
     for step in range(1, 7):

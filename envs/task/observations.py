@@ -1,155 +1,219 @@
-"""What the policy may sense, one function a term: the environment in, (N, size) out.
+"""What the policy may observe: a registry with one entry for each term, its function, and the name and unit of each value.
 
-`env.observations` names groups and the terms that each joins, in order; `agent.obs_groups` says which of them actor and
-critic see. Values are in SI units, in the world frame unless said otherwise: the policy normalises what it sees by its own
-running statistics.
+`env.observations` names groups and lists the terms that each joins, in order; `agent.obs_groups` says which groups actor and
+critic get. Values are in SI units and in the world frame unless stated otherwise: the policy normalises its input by running
+statistics.
+
+Configuration is checked against these names before torch is imported, hence the imports within functions.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import torch
-
-from envs.body.rotation import pitch, roll, rotate, upright, yaw
+from envs.body.joints import FEET, JOINTS, KINDS, LEFT, RIGHT
 
 if TYPE_CHECKING:
-    from envs.task.head_tracking import HeadTrackingEnv
+    import torch
 
 
-def torso_height(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Height of the torso frame [m]. (N, 1)."""
-    return env.hat_pose[:, 2:3]
+@dataclass(frozen=True)
+class TaskState:
+    """What reward, terminations and observations are functions of, after a step (N worlds, joints in the order of `JOINTS`).
+
+    hat_pose, hat_velocity: (N, 7), (N, 6) of the HAT, see `Simulation.body_pose`, `body_velocity`.
+    foot_pose: (N, 2, 7) of the left and the right foot. foot_displacement: (N, 2) distance from the start [m].
+    joint_angle, joint_velocity: (N, 4) [rad], [rad/s].
+    joint_force: (N, 4) torque about each joint axis by actuator, spring and damper [Nm].
+    sole_force, sole_position: (N, 2, 2, 3), see `Simulation`.
+    action: (N, 4) actuator torque of each joint over the torque limit.
+    head_x, head_vx: (N,) head along x, 0 at the start [m], [m/s].
+    target_x, target_vx: (N,) [m], [m/s].
+    """
+
+    hat_pose: "torch.Tensor"
+    hat_velocity: "torch.Tensor"
+    foot_pose: "torch.Tensor"
+    foot_displacement: "torch.Tensor"
+    joint_angle: "torch.Tensor"
+    joint_velocity: "torch.Tensor"
+    joint_force: "torch.Tensor"
+    sole_force: "torch.Tensor"
+    sole_position: "torch.Tensor"
+    action: "torch.Tensor"
+    head_x: "torch.Tensor"
+    head_vx: "torch.Tensor"
+    target_x: "torch.Tensor"
+    target_vx: "torch.Tensor"
 
 
-def torso_velocity(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Linear velocity of the HAT's centre of mass [m/s]. (N, 3)."""
-    return env.hat_velocity[:, 0:3]
+Component = tuple[str, str]
+"""Name and unit of one value."""
+Function = Callable[[TaskState], "torch.Tensor"]
 
 
-def torso_angular_velocity(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Angular velocity of the HAT [rad/s]. (N, 3)."""
-    return env.hat_velocity[:, 3:6]
+@dataclass(frozen=True)
+class Term:
+    """A term: `function` returns (N, len(components))."""
+
+    function: Function
+    components: tuple[Component, ...]
 
 
-def torso_pitch(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Forward lean of the HAT [rad], the angle of its own z axis from the vertical in the sagittal plane. (N, 1)."""
-    return pitch(env.hat_pose[:, 3:])[:, None]
+TERMS: dict[str, Term] = {}
+"""Every term under the name of its function."""
 
 
-def torso_motion(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Velocity of the HAT's centre of mass along x and z [m/s], angular velocity about y [rad/s]. (N, 3)."""
-    return env.hat_velocity[:, (0, 2, 4)]
+def components(terms: Iterable[str]) -> list[Component]:
+    """Name and unit of each value of an observation that joins `terms`, in order."""
+    return [component for term in terms for component in TERMS[term].components]
 
 
-def torso_orientation(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Yaw [rad], roll [rad] and the vertical component of the HAT's own z axis (1 when upright). (N, 3)."""
-    attitude = env.hat_pose[:, 3:]
+def _term(*components: Component) -> Callable[[Function], Function]:
+    def register(function: Function) -> Function:
+        TERMS[function.__name__] = Term(function, components)
+        return function
+
+    return register
+
+
+@_term(("torso_z", "m"))
+def torso_height(state: TaskState) -> "torch.Tensor":
+    """Height of the torso frame."""
+    return state.hat_pose[:, 2:3]
+
+
+@_term(*((f"torso_v{axis}", "m/s") for axis in "xyz"))
+def torso_velocity(state: TaskState) -> "torch.Tensor":
+    """Linear velocity of the HAT's centre of mass."""
+    return state.hat_velocity[:, 0:3]
+
+
+@_term(*((f"torso_w{axis}", "rad/s") for axis in "xyz"))
+def torso_angular_velocity(state: TaskState) -> "torch.Tensor":
+    """Angular velocity of the HAT."""
+    return state.hat_velocity[:, 3:6]
+
+
+@_term(("torso_pitch", "rad"))
+def torso_pitch(state: TaskState) -> "torch.Tensor":
+    """Forward lean of the HAT: angle of its z axis from the vertical in the sagittal plane."""
+    from envs.body.rotation import pitch
+
+    return pitch(state.hat_pose[:, 3:])[:, None]
+
+
+@_term(("torso_vx", "m/s"), ("torso_vz", "m/s"), ("torso_wy", "rad/s"))
+def torso_motion(state: TaskState) -> "torch.Tensor":
+    """Velocity of the HAT in the sagittal plane: of its centre of mass along x and z, and angular about y."""
+    return state.hat_velocity[:, (0, 2, 4)]
+
+
+@_term(("torso_yaw", "rad"), ("torso_roll", "rad"), ("torso_upright", "1"))
+def torso_orientation(state: TaskState) -> "torch.Tensor":
+    """Yaw, roll and the vertical component of the HAT's z axis, 1 when upright."""
+    import torch
+
+    from envs.body.rotation import roll, upright, yaw
+
+    attitude = state.hat_pose[:, 3:]
     return torch.stack((yaw(attitude), roll(attitude), upright(attitude)), dim=-1)
 
 
-def joint_angle(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Joint angles [rad], hip flexion negative, ankle negative when leaning forward. (N, 4)."""
-    return env.sim.joint_angle
+@_term(*((f"{joint}_angle", "rad") for joint in JOINTS))
+def joint_angle(state: TaskState) -> "torch.Tensor":
+    """Joint angles, hip flexion negative, ankle negative when leaning forward."""
+    return state.joint_angle
 
 
-def joint_velocity(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Joint velocities [rad/s]. (N, 4)."""
-    return env.sim.joint_velocity
+@_term(*((f"{joint}_velocity", "rad/s") for joint in JOINTS))
+def joint_velocity(state: TaskState) -> "torch.Tensor":
+    """Joint velocities."""
+    return state.joint_velocity
 
 
-def hip_ankle_angle(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Mean of left and right hip, and of left and right ankle [rad]. (N, 2)."""
-    return 0.5 * (env.sim.joint_angle[:, :2] + env.sim.joint_angle[:, 2:])
+@_term(*((f"{kind}_angle_mean", "rad") for kind in KINDS))
+def hip_ankle_angle(state: TaskState) -> "torch.Tensor":
+    """Mean angle of left and right hip, and of left and right ankle."""
+    return 0.5 * (state.joint_angle[:, LEFT] + state.joint_angle[:, RIGHT])
 
 
-def hip_ankle_velocity(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Mean of left and right hip velocity, and of left and right ankle velocity [rad/s]. (N, 2)."""
-    return 0.5 * (env.sim.joint_velocity[:, :2] + env.sim.joint_velocity[:, 2:])
+@_term(*((f"{kind}_velocity_mean", "rad/s") for kind in KINDS))
+def hip_ankle_velocity(state: TaskState) -> "torch.Tensor":
+    """Mean velocity of left and right hip, and of left and right ankle."""
+    return 0.5 * (state.joint_velocity[:, LEFT] + state.joint_velocity[:, RIGHT])
 
 
-def joint_force(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Torque about each joint axis by actuator, spring and damper [Nm]. (N, 4)."""
-    return env.sim.joint_force
+@_term(*((f"{joint}_torque_with_spring_and_damper", "Nm") for joint in JOINTS))
+def joint_force(state: TaskState) -> "torch.Tensor":
+    """Torque about each joint axis by actuator, spring and damper."""
+    return state.joint_force
 
 
-def foot_position(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Position of the left, then the right foot frame [m]. (N, 6)."""
-    return env.foot_position.flatten(1)
+@_term(*((f"{foot}_{axis}", "m") for foot in FEET for axis in "xyz"))
+def foot_position(state: TaskState) -> "torch.Tensor":
+    """Position of the left, then the right foot frame."""
+    return state.foot_pose[..., :3].flatten(1)
 
 
-def feet_place(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Mean of the feet's frames along x and z [m]. (N, 2)."""
-    return env.foot_position.mean(1)[:, 0::2]
+@_term(("feet_x_mean", "m"), ("feet_z_mean", "m"))
+def feet_place(state: TaskState) -> "torch.Tensor":
+    """Mean position of the two foot frames along x and z."""
+    return state.foot_pose[..., :3].mean(1)[:, 0::2]
 
 
-def sole_load(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Vertical force on the heels, and on the toes, of both feet together [N]. (N, 2)."""
-    return env.sim.sole_force[..., 2].sum(1)
+@_term(*((f"{foot}_{kind}{axis}", unit) for foot in FEET for kind, unit in (("f", "N"), ("m", "Nm")) for axis in "xyz"))
+def foot_wrench(state: TaskState) -> "torch.Tensor":
+    """Force of the ground on each foot and its moment about the foot frame, in world axes, left foot first."""
+    import torch
 
+    from envs.body.rotation import rotate
 
-def foot_wrench(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Force of the ground on each foot [N] (world frame) and its moment about the foot frame [Nm] (world axes), left foot
-    first. (N, 12)."""
-    force = env.sim.sole_force
-    foot = env.sim.body_pose[:, env.FOOT_BODIES, 3:]
-    lever = rotate(foot[:, :, None, :], env.sim.sole_position)
+    force = state.sole_force
+    lever = rotate(state.foot_pose[:, :, None, 3:], state.sole_position)
     moment = torch.linalg.cross(lever, force).sum(2)
     return torch.cat((force.sum(2), moment), dim=-1).flatten(1)
 
 
-def head(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Head position [m] and velocity [m/s] along x. (N, 2)."""
-    return torch.stack((env.head_x, env.head_vx), dim=-1)
+@_term(("heels_fz", "N"), ("toes_fz", "N"))
+def sole_load(state: TaskState) -> "torch.Tensor":
+    """Vertical force on the heels, and on the toes, of both feet together."""
+    return state.sole_force[..., 2].sum(1)
 
 
-def last_action(env: "HeadTrackingEnv") -> torch.Tensor:
-    """The normalised torque of each joint in the step just made. (N, 4)."""
-    return env.action
+@_term(("head_x", "m"), ("head_vx", "m/s"))
+def head(state: TaskState) -> "torch.Tensor":
+    """Head position and velocity along x."""
+    import torch
+
+    return torch.stack((state.head_x, state.head_vx), dim=-1)
 
 
-def last_command(env: "HeadTrackingEnv") -> torch.Tensor:
-    """The normalised torque of hip and ankle in the step just made. (N, 2)."""
-    return env.action[:, :2]
+@_term(*((f"{joint}_last_action", "1") for joint in JOINTS))
+def last_action(state: TaskState) -> "torch.Tensor":
+    """Actuator torque of each joint in the last step over the torque limit."""
+    return state.action
 
 
-def target(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Target position along x [m]. (N, 1)."""
-    return env.target_x[:, None]
+@_term(*((f"{kind}_last_action", "1") for kind in KINDS))
+def last_command(state: TaskState) -> "torch.Tensor":
+    """Actuator torque of one hip and of one ankle in the last step over the torque limit."""
+    return state.action[:, LEFT]
 
 
-def target_velocity(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Target velocity along x [m/s]; not sensed in the paper. (N, 1)."""
-    return env.target_vx[:, None]
+@_term(("target_x", "m"))
+def target(state: TaskState) -> "torch.Tensor":
+    """Target position along x."""
+    return state.target_x[:, None]
 
 
-def target_error(env: "HeadTrackingEnv") -> torch.Tensor:
-    """Target minus head along x [m]. (N, 1)."""
-    return (env.target_x - env.head_x)[:, None]
+@_term(("target_vx", "m/s"))
+def target_velocity(state: TaskState) -> "torch.Tensor":
+    """Target velocity along x; the paper's policy does not observe it."""
+    return state.target_vx[:, None]
 
 
-TERMS: dict[str, Callable[["HeadTrackingEnv"], torch.Tensor]] = {
-    function.__name__: function
-    for function in (
-        torso_height,
-        torso_velocity,
-        torso_angular_velocity,
-        torso_pitch,
-        torso_motion,
-        torso_orientation,
-        joint_angle,
-        joint_velocity,
-        hip_ankle_angle,
-        hip_ankle_velocity,
-        joint_force,
-        foot_position,
-        feet_place,
-        foot_wrench,
-        sole_load,
-        head,
-        last_action,
-        last_command,
-        target,
-        target_velocity,
-        target_error,
-    )
-}
+@_term(("target_x_minus_head_x", "m"))
+def target_error(state: TaskState) -> "torch.Tensor":
+    """Target minus head along x."""
+    return (state.target_x - state.head_x)[:, None]

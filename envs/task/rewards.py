@@ -1,17 +1,24 @@
-"""Reward terms, one function each: tensors of N worlds in, shape (N,) out. Weights and scale are in conf/env/.
+"""Reward terms: arrays of numpy or tensors of torch with N worlds in, shape (N,) out. Weights and scale are in conf/env/.
 
     R = scale * (alpha R_stay + beta R_target + alive + gamma (R_energy + R_torque) - R_limit)      paper Eq. 6
 
-where the paper leaves alpha, beta and scale open, and the constants `alive` and R_limit are the authors' code's alone.
+where the paper leaves alpha, beta and scale open; the constants `alive` and R_limit are from the authors' code.
 In the step that ends an episode early, R = scale * `ended` instead, if `ended` is given.
 """
 
-import torch
+from typing import TYPE_CHECKING, TypeVar
 
-from envs.config import Schedule, Weight
+from envs.config import EnvConfig, Schedule, Weight
+
+if TYPE_CHECKING:
+    import numpy as np
+    import torch
+    from numpy.typing import NDArray
+
+Values = TypeVar("Values", "torch.Tensor", "NDArray[np.float64]")
 
 
-def closeness(distance: torch.Tensor, sharpness: float) -> torch.Tensor:
+def closeness(distance: Values, sharpness: float) -> Values:
     """1 / (1 + k d^2): R_stay of the feet (paper Eq. 7) and R_target of the head (Eq. 8), with d [m], k [1/m2].
 
     The paper has k = 1; the authors' code 4 for the feet and 5 for the head.
@@ -19,44 +26,47 @@ def closeness(distance: torch.Tensor, sharpness: float) -> torch.Tensor:
     return 1.0 / (1.0 + sharpness * distance**2)
 
 
-def energy_joule(torque: torch.Tensor, velocity: torch.Tensor, dt: float) -> torch.Tensor:
-    """R_energy of paper Eq. 9: minus the energy turned over by the joints in one control step of `dt` [s], in J.
+def energy(torque: Values, velocity: Values, unit: str, limit: float, dt: float) -> Values:
+    """R_energy for joint `torque` [Nm] and `velocity` [rad/s], (N, joints), in a control step of `dt` [s]. (N,).
 
-    torque [Nm], velocity [rad/s]: (N, joints).
+    unit: joule, minus the work of all joints regardless of sign (paper Eq. 9); normalised, the same with the torque over its
+    `limit` [Nm]; authors_code, minus sum |a * 0.1 omega| with a the torque over its limit.
     """
-    return -(torque * velocity).abs().sum(-1) * dt
-
-
-def energy_scaled(action: torch.Tensor, velocity: torch.Tensor) -> torch.Tensor:
-    """R_energy as in the authors' code: minus sum |a * 0.1 omega|, a the normalised torque in [-1, 1], omega [rad/s]."""
-    return -(action * 0.1 * velocity).abs().sum(-1)
-
-
-def energy(torque: torch.Tensor, velocity: torch.Tensor, unit: str, limit: float, dt: float) -> torch.Tensor:
-    """R_energy as `energy_unit` reads it: joule, normalised (Eq. 9 with torque over its `limit`) or authors_code. (N,)."""
-    if unit == "joule":
-        return energy_joule(torque, velocity, dt)
+    if unit == "authors_code":
+        return -abs(torque / limit * 0.1 * velocity).sum(-1)
     if unit == "normalised":
-        return energy_joule(torque / limit, velocity, dt)
-    return energy_scaled(torque / limit, velocity)
+        torque = torque / limit
+    return -abs(torque * velocity).sum(-1) * dt
 
 
-def torque_squared(torque: torch.Tensor) -> torch.Tensor:
+def torque_squared(torque: Values) -> Values:
     """R_torque of paper Eq. 10: minus the sum of squared joint torques, in Nm^2 or of the normalised torque. (N, joints)."""
     return -(torque**2).sum(-1)
 
 
-def joint_limit(scaled_angle: torch.Tensor) -> torch.Tensor:
+def effort(action: Values, velocity: Values, config: EnvConfig) -> tuple[Values, Values]:
+    """R_energy and R_torque, (N,) each, in the units of `config`; action: torque over its limit, (N, joints)."""
+    torque = config.torque_limit * action
+    terms = config.reward
+    return (
+        energy(torque, velocity, terms.energy_unit, config.torque_limit, config.control_dt),
+        torque_squared(torque if terms.torque_unit == "newton_metre" else action),
+    )
+
+
+def joint_limit(scaled_angle: Values) -> Values:
     """Penalty of the authors' code for joints within 2 % of a limit: sum of (|q| - 0.98) / 0.02 where positive.
 
     scaled_angle: (N, joints), -1 and 1 at the limits.
     """
-    return ((scaled_angle.abs() - 0.98) / 0.02).clamp(min=0.0).sum(-1)
+    return ((abs(scaled_angle) - 0.98) / 0.02).clip(min=0.0).sum(-1)
 
 
-def weight(value: Weight, steps: int) -> float:
-    """The weight after `steps` control steps of each world: itself, or its place on a geometric schedule."""
+def weight(value: Weight, steps: int = 0, training_steps: int | None = None) -> float:
+    """The weight after `steps` of the `training_steps` control steps of each world; its final value outside a training."""
     if not isinstance(value, Schedule):
         return value
-    share = min(1.0, steps / value.steps)
+    if training_steps is None:
+        return value.end
+    share = min(1.0, steps / max(1, round(value.until * training_steps)))
     return float(value.start * (value.end / value.start) ** share)

@@ -39,10 +39,10 @@ def mode(hip_ankle_r: float) -> str:
 
 
 def cycles(time: Array, freq: float, transient_s: float) -> list[slice]:
-    """Sample ranges of the whole target cycles after the transient; a rest shorter than a cycle is dropped.
+    """Sample ranges of the whole target cycles after the transient; an incomplete last cycle is dropped.
 
     `time` (T,) evenly spaced [s]; `freq` [Hz]. They start at `transient_s`, not at a cycle of the target, so
-    that a slow target keeps as many as fit. Edges go to the nearest sample. Empty where `freq` is nan (ramp).
+    that as many as possible fit. Edges are rounded to the nearest sample. Empty where `freq` is nan (ramp).
     """
     if not freq > 0:
         return []
@@ -59,7 +59,7 @@ def relative_phase_paper(hip: Array, ankle: Array, time: Array, freq: float, par
 
     t0 and t1 are the times of the ankle's and the hip's maximum in one cycle (`parts`, from `cycles`). It is
     half the usual phase difference. The paper does not say what happens when the two maxima straddle an edge
-    of the cycle; here their distance goes the shorter way round, so it never exceeds half a period. Its
+    of the cycle; here the shorter distance around the cycle counts, so it never exceeds half a period. Its
     resolution is one sample. Signals (T,), freq [Hz]; nan without a cycle. Source: paper, relative phase.
     """
     if not parts:
@@ -108,8 +108,8 @@ def circular_mean_sd(angles_deg: Array) -> tuple[float, float]:
 def cycle_amplitude(signal: Array, parts: list[slice]) -> float:
     """Half the peak-to-peak value of each cycle, mean over cycles; nan without a cycle.
 
-    Signal (T,) in any unit, which the result shares. Taken cycle by cycle, so that one stray excursion or a
-    slow drift weighs on one cycle and not on the whole trial. Source: paper Table 3, whose amplitude is half
+    Signal (T,) in any unit, which the result shares. Computed for each cycle, so that one excursion or a
+    slow drift affects one cycle and not the whole trial. Source: paper Table 3, whose amplitude is half
     the peak-to-peak value.
     """
     return float(np.mean([np.ptp(signal[p]) for p in parts])) / 2 if parts else math.nan
@@ -118,7 +118,7 @@ def cycle_amplitude(signal: Array, parts: list[slice]) -> float:
 def energy(joint_torque: Array, joint_velocity: Array, dt: float) -> float:
     """Energy cost [J]: sum over joints and time of |tau omega| dt. Source: paper Eq. 9.
 
-    Actuator torque [Nm] and joint velocity [rad/s], both (T, J); dt [s]. Power given back counts as spent.
+    Actuator torque [Nm] and joint velocity [rad/s], both (T, J); dt [s]. Negative power counts as positive.
     """
     return float(np.abs(joint_torque * joint_velocity).sum() * dt)
 

@@ -1,4 +1,4 @@
-"""How far the mean of a few runs may be trusted: a bootstrap interval."""
+"""The mean of a few runs with its bootstrap interval."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ def bootstrap_mean(values: ArrayLike, confidence: float = 0.95, seed: int = 0) -
     """Mean of `values` (N,), in any unit, and the low and high end of its percentile bootstrap interval.
 
     `confidence` is the interval's share, 0 .. 1; the same `seed` gives the same interval. nan values (a fall, an undefined
-    index) are left out; the mean of none and the interval of fewer than two are nan. With a handful of values the interval
-    is narrower than its name says: of two it can only reach from the one to the other. Source: field practice (Efron and
+    index) are left out; the mean of none and the interval of fewer than two are nan. With few values the interval is
+    too narrow: that of two values never reaches beyond them. Source: field practice (Efron and
     Tibshirani, An Introduction to the Bootstrap, chapter 13).
     """
     known = np.asarray(values, dtype=np.float64)

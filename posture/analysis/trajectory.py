@@ -1,4 +1,4 @@
-"""What a roll-out hands to the analyst: plain arrays of one deterministic trial in W parallel worlds."""
+"""The record of a roll-out: arrays of one deterministic trial in W parallel worlds."""
 
 from __future__ import annotations
 

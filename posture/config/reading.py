@@ -15,7 +15,7 @@ _SHAPES = {
     "float": "a number",
     "int": "a whole number",
     "tuple": "a range [low, high]",
-    "Schedule": "a schedule {start: .., end: .., steps: ..}",
+    "Schedule": "a schedule {start: .., end: .., until: ..}",
 }
 """What a key may hold, by a word in pydantic's name for that alternative."""
 

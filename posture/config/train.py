@@ -25,6 +25,11 @@ class TrainConfig(Strict):
     resume: PathText | None
     evaluate: bool
 
+    @property
+    def training_steps(self) -> int:
+        """Control steps of each world in the whole training."""
+        return self.max_iterations * self.agent.num_steps_per_env
+
     @model_validator(mode="after")
     def _consistent(self) -> "TrainConfig":
         check_trial(self.evaluation, self.env)

@@ -14,11 +14,10 @@ from posture.theory.motion import PeriodicMotion
 
 
 class LqrController:
-    """A policy for `posture.evaluation.rollout`: it reads the state of `env` itself, and returns normalised torques (N,
-    2)."""
+    """A policy for `rollout` that reads the state of `env` itself and returns normalised torques. Shape (N, 2)."""
 
     def __init__(self, env: HeadTrackingEnv, motions: Sequence[PeriodicMotion], config: LqrConfig, duration: float) -> None:
-        """`motions`[i] is what world i is to do, for `duration` [s] from the start of its episode."""
+        """`motions`[i] is the motion of world i, for `duration` [s] from the start of its episode."""
         if len(motions) != env.num_envs:
             raise ValueError(f"{len(motions)} motions for {env.num_envs} worlds")
         dt = env.config.control_dt
@@ -38,7 +37,7 @@ class LqrController:
         self._lean_angle, self._lean_torque = (
             torch.tensor(np.stack(x), dtype=torch.float32, device=env.sim.device) for x in leans
         )
-        self._foot_start = env.foot_position[..., 0].mean(-1).clone()
+        self._foot_start = env.state.foot_pose[..., 0].mean(-1).clone()
         self._worlds = torch.arange(env.num_envs, device=env.sim.device)
 
     def __call__(self, _observation: TensorDict) -> torch.Tensor:
@@ -46,7 +45,7 @@ class LqrController:
         step = self._env.episode_length_buf.clamp(max=self._state.shape[1] - 1)
         angle, velocity = self._env.sim.joint_angle, self._env.sim.joint_velocity
         kinds = [x[:, kind].mean(-1) for x in (angle, velocity) for kind in (HIPS, ANKLES)]
-        crept = (self._env.foot_position[..., 0].mean(-1) - self._foot_start)[:, None]
+        crept = (self._env.state.foot_pose[..., 0].mean(-1) - self._foot_start)[:, None]
         deviation = torch.stack(kinds, dim=-1) - self._state[self._worlds, step]
         deviation[:, :2] += crept * self._lean_angle
         feedforward = self._torque[self._worlds, step] - crept * self._lean_torque

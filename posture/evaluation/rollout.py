@@ -12,14 +12,15 @@ from posture.analysis.trajectory import Trajectory
 Policy = Callable[[TensorDict], torch.Tensor]
 
 MIN_LOAD_N = 1.0
-"""With less force under the feet than this there is no centre of pressure to speak of [N]."""
+"""With less force under the feet than this the centre of pressure is undefined [N]."""
 
 
 def rollout(env: HeadTrackingEnv, policy: Policy, freq: torch.Tensor | None, duration: float) -> Trajectory:
     """Let `policy` act in every world of `env` from standing, for `duration` [s]; world i follows `freq`[i] [Hz] (N,).
 
-    `freq` None leaves the targets to the environment's own configuration. Whatever ends an episode in `env` is taken for a
-    fall: from then on the record of that world is nan. Raises `ConstraintOverflowError` where physics was cut short.
+    `freq` None leaves the targets to the environment's own configuration. Whatever ends an episode in `env` counts as a
+    fall: from then on the record of that world is nan. Raises `ConstraintOverflowError` where a limit of the solver was
+    exceeded.
     """
     steps = round(duration / env.config.control_dt)
     if freq is not None:
@@ -67,14 +68,14 @@ def _cop_x(env: HeadTrackingEnv) -> torch.Tensor:
 
 
 _SIGNALS: dict[str, Callable[[HeadTrackingEnv], torch.Tensor]] = {
-    "target_x": lambda env: env.target_x,
-    "head_x": lambda env: env.head_x,
-    "head_vx": lambda env: env.head_vx,
+    "target_x": lambda env: env.state.target_x,
+    "head_x": lambda env: env.state.head_x,
+    "head_vx": lambda env: env.state.head_vx,
     "joint_angle": lambda env: env.sim.joint_angle,
     "joint_velocity": lambda env: env.sim.joint_velocity,
     "joint_torque": lambda env: env.config.torque_limit * env.action,
     "cop_x": _cop_x,
-    "torso_height": lambda env: env.hat_pose[:, 2],
-    "foot_displacement": lambda env: env.foot_displacement.amax(-1),
+    "torso_height": lambda env: env.state.hat_pose[:, 2],
+    "foot_displacement": lambda env: env.state.foot_displacement.amax(-1),
     "foot_flat": lambda env: (env.sim.sole_force[..., 2] > 0.0).all(-1).all(-1).float(),
 }

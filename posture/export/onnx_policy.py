@@ -15,7 +15,8 @@ import numpy as np
 import torch
 from rsl_rl.models import MLPModel
 
-from envs.body.joints import FEET, JOINTS, KINDS
+from envs.body.joints import KINDS
+from envs.task.observations import components
 from posture.config.errors import ConfigError, RunError
 from posture.config.train import TrainConfig
 from posture.storage.atomic import replacing
@@ -28,32 +29,6 @@ TOLERANCE = 1e-5
 CHECKED = 1000
 """Random observations that both are asked about."""
 
-COMPONENTS: dict[str, list[tuple[str, str]]] = {
-    "torso_height": [("torso_z", "m")],
-    "torso_velocity": [(f"torso_v{axis}", "m/s") for axis in "xyz"],
-    "torso_angular_velocity": [(f"torso_w{axis}", "rad/s") for axis in "xyz"],
-    "torso_pitch": [("torso_pitch", "rad")],
-    "torso_motion": [("torso_vx", "m/s"), ("torso_vz", "m/s"), ("torso_wy", "rad/s")],
-    "torso_orientation": [("torso_yaw", "rad"), ("torso_roll", "rad"), ("torso_upright", "1")],
-    "joint_angle": [(f"{joint}_angle", "rad") for joint in JOINTS],
-    "joint_velocity": [(f"{joint}_velocity", "rad/s") for joint in JOINTS],
-    "hip_ankle_angle": [(f"{kind}_angle_mean", "rad") for kind in KINDS],
-    "hip_ankle_velocity": [(f"{kind}_velocity_mean", "rad/s") for kind in KINDS],
-    "joint_force": [(f"{joint}_torque_with_spring_and_damper", "Nm") for joint in JOINTS],
-    "foot_position": [(f"{foot}_{axis}", "m") for foot in FEET for axis in "xyz"],
-    "feet_place": [("feet_x_mean", "m"), ("feet_z_mean", "m")],
-    "foot_wrench": [
-        (f"{foot}_{kind}{axis}", unit) for foot in FEET for kind, unit in (("f", "N"), ("m", "Nm")) for axis in "xyz"
-    ],
-    "sole_load": [("heels_fz", "N"), ("toes_fz", "N")],
-    "head": [("head_x", "m"), ("head_vx", "m/s")],
-    "last_action": [(f"{joint}_last_action", "1") for joint in JOINTS],
-    "last_command": [(f"{kind}_last_action", "1") for kind in KINDS],
-    "target": [("target_x", "m")],
-    "target_velocity": [("target_vx", "m/s")],
-    "target_error": [("target_x_minus_head_x", "m")],
-}
-"""Name and unit of each value of each term of `envs.task.observations.TERMS`, in order; what they mean is written there."""
 MEANING = {
     "frames": "x forward, y left, z up; positions and velocities in the world frame, which the feet stand in at the start",
     "signs": "joint angles about +y, child relative to parent: hip flexion and ankle when leaning forward are negative",
@@ -75,7 +50,7 @@ def check_installed() -> None:
 def senses(run: TrainConfig) -> list[tuple[str, str]]:
     """Name and unit of each value of the observation that the policy of `run` is given, in order."""
     terms = [term for group in run.agent.obs_groups.actor for term in run.env.observations[group]]
-    return [component for term in terms for component in COMPONENTS[term]]
+    return components(terms)
 
 
 def write_onnx(policy: MLPModel, run: TrainConfig, model: Path, path: Path) -> float:
@@ -122,8 +97,8 @@ def write_onnx(policy: MLPModel, run: TrainConfig, model: Path, path: Path) -> f
 def metadata(run: TrainConfig, model: Path) -> dict[str, str]:
     """What the ONNX file says about itself."""
 
-    def listed(components: list[tuple[str, str]]) -> str:
-        return json.dumps([{"name": name, "unit": unit} for name, unit in components])
+    def listed(values: list[tuple[str, str]]) -> str:
+        return json.dumps([{"name": name, "unit": unit} for name, unit in values])
 
     return {
         "observation": listed(senses(run)),

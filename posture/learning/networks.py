@@ -10,44 +10,19 @@ import torch
 from rsl_rl.models import MLPModel
 from tensordict import TensorDict
 
+from envs.body.joints import KINDS
+from envs.task.observations import components
 from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
-
-OBSERVATION_SIZES = {
-    "torso_height": 1,
-    "torso_velocity": 3,
-    "torso_angular_velocity": 3,
-    "torso_pitch": 1,
-    "torso_motion": 3,
-    "torso_orientation": 3,
-    "joint_angle": 4,
-    "joint_velocity": 4,
-    "hip_ankle_angle": 2,
-    "hip_ankle_velocity": 2,
-    "joint_force": 4,
-    "foot_position": 6,
-    "feet_place": 2,
-    "foot_wrench": 12,
-    "sole_load": 2,
-    "head": 2,
-    "last_action": 4,
-    "last_command": 2,
-    "target": 1,
-    "target_velocity": 1,
-    "target_error": 1,
-}
-"""Number of values of each term of `envs.task.observations.TERMS`."""
-NUM_ACTIONS = 2
-"""Commands that the policy gives: `envs.body.joints.KINDS`."""
 
 
 def network(run: TrainConfig, name: Literal["actor", "critic"]) -> MLPModel:
     """The actor or the critic that `run` trains, with initial weights."""
-    sizes = {group: sum(OBSERVATION_SIZES[term] for term in terms) for group, terms in run.env.observations.items()}
+    sizes = {group: len(components(terms)) for group, terms in run.env.observations.items()}
     observations = TensorDict({group: torch.zeros(1, size) for group, size in sizes.items()}, batch_size=[1])
     groups = {name: list(getattr(run.agent.obs_groups, name))}
     config = getattr(run.agent, name).model_dump(mode="json", exclude={"class_name"})
-    return MLPModel(observations, groups, name, NUM_ACTIONS if name == "actor" else 1, **config)
+    return MLPModel(observations, groups, name, len(KINDS) if name == "actor" else 1, **config)
 
 
 def load_policy(content: dict[str, Any], run: TrainConfig, model: Path, device: str | torch.device) -> MLPModel:

@@ -83,18 +83,16 @@ class PlayEnv(HeadTrackingEnv):
     @property
     def foot_drift(self) -> float:
         """How far forward the feet have moved since the start [m]."""
-        return float((self.foot_position - self._foot_start)[0, :, 0].mean())
+        return float((self.state.foot_pose[..., :3] - self._foot_start)[0, :, 0].mean())
 
     def continue_from(self, other: PlayEnv) -> None:
         """Take over the state of `other`, the target's phase included."""
         self.phase = other.phase
         self.load_state_dict(other.state_dict())
 
-    def _read(self) -> None:
-        super()._read()
+    def _target(self) -> tuple[torch.Tensor, torch.Tensor]:
         phase, freq = torch.full((1,), self.phase), torch.full((1,), self._settings.freq)
-        self.target_x = target.position(phase, self._settings.amplitude)
-        self.target_vx = target.velocity(phase, freq, self._settings.amplitude)
+        return target.position(phase, self._settings.amplitude), target.velocity(phase, freq, self._settings.amplitude)
 
     def _reset(self, mask: torch.Tensor) -> None:
         self.phase = 0.0
@@ -122,8 +120,8 @@ class Pusher:
         # The load sits at the centre of mass, so it adds no inertia about it.
         model.body_mass[self._hat] = self._hat_mass + float(env.sim.load[0])
         data = mujoco.MjData(model)
-        x, y, z, w = env.hat_pose[0, 3:].tolist()
-        data.qpos[:7] = [*env.hat_pose[0, :3].tolist(), w, x, y, z]
+        x, y, z, w = env.state.hat_pose[0, 3:].tolist()
+        data.qpos[:7] = [*env.state.hat_pose[0, :3].tolist(), w, x, y, z]
         for i, name in enumerate(JOINTS):
             data.joint(name).qpos = float(env.sim.joint_angle[0, i])
         mujoco.mj_forward(model, data)

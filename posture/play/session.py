@@ -206,8 +206,8 @@ class Session:
         local = (share[..., None] * end).sum(1)
         self.state = State(
             pose=pose,
-            head=float(env.head_x),
-            target=float(env.target_x),
+            head=float(env.state.head_x),
+            target=float(env.state.target_x),
             force=force.sum(1),
             point=np.stack([pose[foot, :3] + _rotate(pose[foot, 3:], local[side]) for side, foot in enumerate(FEET)]),
             cop=float(local[:, 0] @ load.sum(1) / load.sum()) if load.sum() > MIN_LOAD_N else math.nan,

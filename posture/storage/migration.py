@@ -23,7 +23,15 @@ def upgrade(values: dict[str, Any], file: Path) -> dict[str, Any]:
 
 
 def _from_1(values: dict[str, Any]) -> dict[str, Any]:
-    """The paper's tables were copied into each run."""
+    """The paper's tables were copied into each run, and schedules of weights were in control steps of each world."""
+    try:
+        training_steps = values["max_iterations"] * values["agent"]["num_steps_per_env"]
+        weights = [weight for record in (values["env"], values["env"]["reward"]) for weight in record.values()]
+        for weight in weights:
+            if isinstance(weight, dict) and weight.keys() == {"start", "end", "steps"}:
+                weight["until"] = weight.pop("steps") / training_steps
+    except (KeyError, TypeError, AttributeError, ZeroDivisionError):
+        pass  # the check of the upgraded values reports what is wrong
     return {key: value for key, value in values.items() if key != "paper"}
 
 

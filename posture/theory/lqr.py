@@ -1,17 +1,16 @@
 """The model-based controller: the torque-optimal motion fed forward, with linear-quadratic feedback around it.
 
-What a control engineer would do who knows the body: the least-cost motion of the linear stander
-(`posture.theory.optimum.bound`)
-is planned beforehand for the frequency of each world, faded in from standing, and
+The least-cost motion of the linear stander (`posture.theory.optimum.bound`) is planned beforehand for the frequency of each
+world and faded in from standing. The torque of a joint is
 
     tau = tau_ref(t + dt/2) - G (z - z_ref(t)),   z = (hip, ankle, their velocities),
 
 where tau_ref is the torque that the linear stander needs for the reference, and G the gain that minimises the sum over
 control steps of z' Q z + tau' R tau for the linear stander with torques held constant over a step. Q and R are diagonal, one
-over the square of the deviation that counts as much as any other (Bryson's rule); the deviations are in conf/.
+over the squares of deviations that count as equally large (Bryson's rule); these are in conf/lqr.yaml.
 
-Soft contact lets the feet creep, by half a millimetre a second or more at 1.5 Hz. What they have crept the head makes good
-by leaning the other way: z_ref and tau_ref are shifted along the static posture that does so with the least torque.
+Soft contact lets the feet creep, by half a millimetre a second or more at 1.5 Hz. The body compensates by leaning the other
+way: z_ref and tau_ref are shifted along the static posture that moves the head with the least torque.
 """
 
 from dataclasses import replace

@@ -11,7 +11,8 @@ over a cycle is |tau_0|^2 + |T|^2 / 2. So correlation, phase and ratio of the jo
 
 **The bound** (`bound`). Any periodic motion within the tolerance, inside the foot and the torque limit:
 `posture.theory.program`.
-It is the least cost that the linear model allows; the simulator has squares of angles too, which this leaves out.
+It is the least cost that the linear model allows; the terms of second order in the angles, which the simulator has, are left
+out.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from posture.theory.stander import Stander
 def sinusoid(stander: Stander, freq: float, amplitude: float, offset: float) -> PeriodicMotion:
     """The least-cost motion at `freq` [Hz] whose head moves as offset - amplitude cos(omega t) [m].
 
-    The limits of foot and torque are not looked at; `PeriodicMotion.cop` and `PeriodicMotion.torque` tell what it takes.
+    Foot and torque limits are ignored; `PeriodicMotion.cop` and `PeriodicMotion.torque` give what the motion needs.
     """
     J = stander.head
     needed, idle = J / (J @ J), np.array([J[1], -J[0]])

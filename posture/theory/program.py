@@ -7,7 +7,7 @@ S instants of a cycle, a quadratic cost and the limits make a quadratic program,
 (Goulart and Chen 2024) solves.
 
 What is computed differs from the optimum over all periodic motions in two ways, both small and measured by tests: n is
-finite, which leaves the cost a little too high, and between two samples a limit may be passed by a hair.
+finite, which makes the cost slightly too high, and between two samples a limit may be slightly exceeded.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from posture.theory.motion import PeriodicMotion
 from posture.theory.stander import Stander
 
 HARMONICS = 12
-"""Twice as many lower the least cost by less than 0.1 %."""
+"""Harmonics of the target's frequency. Twice as many lower the least cost by less than 0.1 %."""
 LIMIT_SAMPLES = 96
-"""Of a cycle. Between two of them the head passes the tolerance by less than 0.05 mm."""
+"""Samples of a cycle at which the limits hold. Between two of them the head exceeds the tolerance by less than 0.05 mm."""
 
 _SOLVED = (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved)
 _INFEASIBLE = (clarabel.SolverStatus.PrimalInfeasible, clarabel.SolverStatus.AlmostPrimalInfeasible)
 
 
 class InfeasibleError(ValueError):
-    """No periodic motion of the linear stander meets the demand; the message is one line that says which."""
+    """No periodic motion of the linear stander keeps the limits; the message is one line that names the task."""
 
 
 class Program:
@@ -56,7 +56,7 @@ class Program:
         samples: int = LIMIT_SAMPLES,
     ) -> None:
         if samples <= 2 * harmonics:
-            raise ValueError(f"samples: {samples} do not tell {harmonics} harmonics apart; at least {2 * harmonics + 1}")
+            raise ValueError(f"samples: {samples} cannot resolve {harmonics} harmonics; at least {2 * harmonics + 1}")
         self.stander, self.freq, self.amplitude, self.tolerance = stander, freq, amplitude, tolerance
         order = np.arange(harmonics + 1, dtype=np.float64)
         omega = 2 * math.pi * freq * order
@@ -67,7 +67,7 @@ class Program:
         self.head = self._rows(np.broadcast_to(stander.head, (harmonics + 1, 1, 2)))[:, 0]
         self.target = amplitude * (1.0 - self._waves[:, 1].real)
         cop = self._rows(stander.cop_response(omega)[:, None])[:, 0]
-        # Lower and upper bound of each output, over a scale of its own so that the solver meets numbers of order one.
+        # Lower and upper bound of each output, divided by a scale, so that the solver works with numbers of order one.
         foot, one = stander.toe_x - stander.heel_x, np.ones(samples)
         limits = [
             (self.head, self.target - tolerance, self.target + tolerance, amplitude),
@@ -94,11 +94,11 @@ class Program:
         solution = clarabel.DefaultSolver(quadratic, linear, self._limit, self._bound, cones, settings).solve()
         if solution.status in _INFEASIBLE:
             raise InfeasibleError(
-                f"{self._demand()}: cannot be met with the centre of pressure inside the foot "
+                f"{self._task()}: cannot be met with the centre of pressure inside the foot "
                 f"({self.stander.heel_x:g}..{self.stander.toe_x:g} m) and {self.stander.torque_limit:g} Nm a joint"
             )
         if solution.status not in _SOLVED:
-            raise RuntimeError(f"{self._demand()}: the solver ended with {solution.status}")
+            raise RuntimeError(f"{self._task()}: the solver ended with {solution.status}")
         return np.asarray(solution.x, dtype=np.float64)
 
     def least_torque(self) -> Array:
@@ -120,5 +120,5 @@ class Program:
         parts = np.concatenate([waves.real, -waves.imag[:, 1:]], axis=1)
         return np.asarray(parts.transpose(0, 2, 1, 3).reshape(len(waves), response.shape[1], -1))
 
-    def _demand(self) -> str:
+    def _task(self) -> str:
         return f"head motion of {self.amplitude:g} m within {self.tolerance:g} m at {self.freq:g} Hz"

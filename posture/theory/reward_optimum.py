@@ -1,29 +1,26 @@
-"""The motion that the configured reward asks of the linear stander: a local optimum, reached from the least-torque bound.
+"""The motion of the linear stander that maximises the configured reward: a local optimum, found from the least-torque bound.
 
-Of the reward (envs/task/rewards.py) with the feet still, what depends on the motion is beta R_target + gamma (R_energy +
-R_torque). Over -gamma and the unit of R_torque, the cost to make small is the mean over time of
+With the feet still, the part of the reward (envs/task/rewards.py) that depends on the motion is beta R_target + gamma
+(R_energy + R_torque). Divided by -gamma and the unit of R_torque it is a cost, the mean over time of
 
     sum over joints (a^2 + e |a omega|) - b / (1 + k d^2),
 
 with a the normalised torque, omega [rad/s], d [m] the head's distance from its target, and e, b as `RewardTerms` reads them
-from the reward functions. Neither the energy term nor the closeness is convex. Both are made small by majorisation and
-minimisation: with r = |omega| / |a| and d' those of the last motion,
+from the reward functions. Neither the energy term nor the closeness is convex. The cost is minimised by majorisation: with
+r = |omega| / |a| and d' those of the last motion,
 
     |a omega| <= (r a^2 + omega^2 / r) / 2,   -1 / (1 + k d^2) <= const + k d^2 / (1 + k d'^2)^2,
 
-and there is equality at the last motion, so that a convex program with the right-hand sides
-(`posture.theory.program`) never raises
+with equality at the last motion, so that a convex program with the right-hand sides (`posture.theory.program`) never raises
 the cost.
 """
 
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 
 from envs.config import EnvConfig
 from envs.task import rewards
@@ -33,11 +30,11 @@ from posture.theory.program import Program
 from posture.theory.stander import JOINTS_OF_A_KIND, Stander
 
 MAX_ITERATIONS = 200
-"""Convex programs on the way; it takes some 10 to 60."""
+"""Largest number of convex programs; usually 10 to 60 are needed."""
 CONVERGED = 1e-5
-"""The relative fall of the cost in one of them that ends it."""
+"""The relative decrease of the cost in one iteration that ends them."""
 SMOOTHING = 1e-2
-"""|x| is taken as sqrt(x^2 + s^2), s this share of the root mean square of x: at a bare kink an iterate would stick."""
+"""|x| is replaced by sqrt(x^2 + s^2), s this share of the root mean square of x: the iteration would stop at the kink."""
 
 
 @dataclass(frozen=True)
@@ -54,17 +51,17 @@ class RewardTerms:
     @classmethod
     def of(cls, config: EnvConfig) -> RewardTerms:
         """Read from `config` and envs/task/rewards.py. Raises ValueError where the reward has no weight on torques."""
-        one = torch.ones(1, 1, dtype=torch.float64)
-        energy, torque = (-float(term) for term in _effort(config.torque_limit * one, one, config))
-        gamma = rewards.weight(config.energy_weight, sys.maxsize)
+        one = np.ones((1, 1))
+        energy, torque = (-float(term[0]) for term in rewards.effort(one, one, config))
+        gamma = rewards.weight(config.energy_weight)
         if gamma == 0:
             raise ValueError("energy_weight is 0: every torque is as good as any other")
-        beta = rewards.weight(config.reward.target_weight, sys.maxsize)
+        beta = rewards.weight(config.reward.target_weight)
         return cls(energy / torque, beta / (gamma * torque), config.reward.target_sharpness)
 
 
 def reward_optimum(stander: Stander, freq: float, config: EnvConfig, tolerance: float) -> PeriodicMotion:
-    """A motion within the limits of `optimum.bound` at `freq` [Hz] that no small change makes better by the reward.
+    """A motion within the limits of `optimum.bound` at `freq` [Hz] whose reward no small change increases.
 
     Raises InfeasibleError where no motion keeps the limits, ValueError where the reward has no weight on torques.
     """
@@ -98,20 +95,13 @@ def reward_optimum(stander: Stander, freq: float, config: EnvConfig, tolerance: 
 
 
 def reward_terms(motion: PeriodicMotion, config: EnvConfig) -> tuple[float, float]:
-    """R_energy and R_torque (paper Eq. 9, 10) as `config` reads them: means over a cycle of what one control step gives."""
-    torque, velocity = (torch.from_numpy(array) for array in joint_arrays(motion))
-    energy, effort = _effort(torque, velocity, config)
+    """R_energy and R_torque (paper Eq. 9, 10) as `config` weighs them: mean over a cycle, for one control step."""
+    torque, velocity = joint_arrays(motion)
+    energy, effort = rewards.effort(torque / config.torque_limit, velocity, config)
     return float(energy.mean()), float(effort.mean())
 
 
-def _effort(torque: torch.Tensor, velocity: torch.Tensor, config: EnvConfig) -> tuple[torch.Tensor, torch.Tensor]:
-    """R_energy and R_torque of torques [Nm] and velocities [rad/s], (N, joints) -> (N,), in the units of `config`."""
-    action = torque / config.torque_limit
-    energy = rewards.energy(torque, velocity, config.reward.energy_unit, config.torque_limit, config.control_dt)
-    return energy, rewards.torque_squared(torque if config.reward.torque_unit == "newton_metre" else action)
-
-
 def _smooth_abs(x: Array) -> Array:
-    """|x| (S, 2) without its kink, joint by joint; positive unless a joint has nothing at all."""
+    """|x| (S, 2) without its kink, for each joint; positive unless the joint is zero throughout."""
     scale = np.sqrt(np.mean(x**2, axis=0, keepdims=True))
     return np.asarray(np.sqrt(x**2 + (SMOOTHING * scale) ** 2) + np.finfo(float).tiny)

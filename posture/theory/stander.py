@@ -32,7 +32,7 @@ p_0 = a + G_0 / (m g) the value upright,
 
     p = p_0 + [G_1 - L' - H m x''_com - (p_0 - a) m z''_com] / (m g),
 
-which is linear in q and q''. The ends of the sole's contact line bound it; friction, which is not looked at, would need
+which is linear in q and q''. The ends of the sole's contact line bound it; friction, which is not modelled, would need
 |x''_com| < mu g. All of this is of the linear model: the squares of the angles are left out.
 """
 

@@ -18,8 +18,9 @@ from posture.theory.reward_optimum import reward_optimum
 from posture.theory.stander import Stander
 
 STEP_HZ = 0.1
-"""Two switches nearer to each other than this may go unseen [Hz]; this stander has one or none."""
+"""Step of the search [Hz]: two transitions closer than this may be missed; this stander has one or none."""
 RESOLUTION_HZ = 1e-4
+"""Accuracy of a transition frequency [Hz]."""
 
 
 def hip_ankle_correlation(motion: PeriodicMotion) -> float:
@@ -30,7 +31,7 @@ def hip_ankle_correlation(motion: PeriodicMotion) -> float:
 
 def transition_frequency(optimum: Callable[[float], PeriodicMotion], search: tuple[float, float]) -> float | None:
     """The lowest frequency [Hz] within `search` at which the hip-ankle correlation of `optimum`(freq) changes sign, to
-    RESOLUTION_HZ; None where there is none. A frequency at which the demand cannot be met counts as one without a mode."""
+    RESOLUTION_HZ; None where there is none. A frequency at which no motion keeps the limits counts as one without a mode."""
 
     def r(freq: float) -> float:
         try:
@@ -40,7 +41,7 @@ def transition_frequency(optimum: Callable[[float], PeriodicMotion], search: tup
 
     low, high = search
     grid = np.linspace(low, high, math.ceil((high - low) / STEP_HZ) + 1)
-    # Lazily, since most of the search is done when the first switch is found.
+    # Lazily: the search ends at the first transition.
     for (f0, r0), (f1, r1) in pairwise((float(f), r(float(f))) for f in grid):
         if r0 * r1 < 0:
             return float(brentq(r, f0, f1, xtol=RESOLUTION_HZ))

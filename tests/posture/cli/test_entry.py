@@ -1,4 +1,4 @@
-"""The command line as users meet it: real runs of tiny size, and one clear line with exit code 2 for bad input."""
+"""Commands as users type them: real runs of tiny size, and one clear line with exit code 2 for bad input."""
 
 import subprocess
 import sys
@@ -8,13 +8,15 @@ import pytest
 import torch
 import yaml
 
-from posture.storage import run_dir
-from tests.commands import TINY, call, refused, runs, table
+from posture.storage import provenance, run_dir
+from tests.commands import EVALUATION, TINY, call, refused, runs, table
+
+NO_FIGURES = ["evaluation.figures=false"]
 
 
 @pytest.fixture(autouse=True)
 def _elsewhere(tmp_path, monkeypatch):
-    """Runs go to runs/ of the current directory: an empty one of the test's own."""
+    """Runs go to runs/ in the current directory; each test has a directory of its own."""
     monkeypatch.chdir(tmp_path)
 
 
@@ -24,54 +26,22 @@ def _elsewhere(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("argument", "expected"),
     [
-        ("env.frequency=1", ["env.frequency: no such key", "num_envs, freq, ramp"]),
-        ("+env.frequency=1", ["env.frequency: no such key"]),
-        ("env.freq=[", ["no viable alternative"]),
-        ("env.freq=fast", ["env.freq = fast", "allowed is a number, or a range"]),
-        ("env.freq=-1", ["env.freq"]),
-        ("env.freq=[1.0,0.5]", ["from low to high"]),
-        ("env.ramp={start: 0.0, rate: -0.1, duration: 5.0}", ["the ramp ends at -0.5 Hz"]),
-        ("env.episode_steps=0", ["env.episode_steps = 0", "greater than or equal to 1"]),
-        ("env.episode_steps=[9,3]", ["episode_steps: a range goes from low to high"]),
-        ("env.hip_k=-5", ["env.hip_k = -5", "greater than or equal to 0"]),
-        ("env.hip_k=nan", ["env.hip_k", "finite"]),
-        ("env.num_envs=0", ["env.num_envs = 0", "greater than or equal to 1"]),
-        ("env.num_envs=2.5", ["env.num_envs = 2.5", "integer"]),
-        ("env.control_dt=0", ["env.control_dt"]),
-        ("env.termination.head_tolerance=0.3", ["head_tolerance", "at most the target's amplitude of 0.1 m"]),
-        ("env.observations.policy=[head,balance]", ["'balance': must be", "joint_angle"]),
-        ("agent.obs_groups.actor=[foot_wrench]", ["agent.obs_groups.actor", "foot_wrench not among"]),
-        ("env.num_envs=2 agent.num_steps_per_env=4", ["4 samples a process do not fill 16 mini-batches"]),
-        ("env.num_envs=3", ["env.num_envs = 3 cannot be shared equally among 2 processes"]),
-        ("processes=0", ["processes = 0"]),
-        ("agent.algorithm.gamma=1.5", ["agent.algorithm.gamma = 1.5", "less than or equal to 1"]),
-        ("agent.actor.class_name=os.system", ["agent.actor.class_name", "MLPModel"]),
-        ("env=papers", ["env/papers", "authors_code"]),
-        ("device=cuda:77", ["device", "cuda"]),
-        ("device=cpu:0", ["device: 'cpu:0' is not known"]),
-        ("env.load=true", ["env.load", "true is not allowed here"]),
-        ("env=null", ["group override must be a string"]),
-        ("agent.actor.distribution_cfg.init_std=2", ["init_std = 2 must lie within std_range"]),
-        ("evaluation.duration=10.01", ["leaves nothing of a trial of 10.01 s"]),
-        ("-m resume=a,b", ["resume continues one run"]),
-        ("device=tpu", ["device: 'tpu' is not known; allowed are cpu, cuda"]),
-        ("max_iterations=0", ["max_iterations = 0"]),
-        ("env.reward.alive={start: 1.0, end: -1.0, steps: 5}", ["both be positive or both negative"]),
-        ("env.reward.alive=x", ["env.reward.alive = x: allowed is a number, or a schedule"]),
-        ("env.reward.alive={start: 1.0}", ["env.reward.alive = {'start': 1.0}: allowed is a number, or a schedule"]),
-        ("env.reward.scale=0", ["env.reward.scale = 0"]),
-        ("evaluation.transient=100", ["leaves nothing of a trial of 100 s"]),
-        ("resume=runs/none", ["runs/none: not a run folder"]),
-        ("resume=latest", ["latest: no run with a checkpoint"]),
-        ("env.hip_k=25,50,...,190 -m", ["190 is not reached"]),
-        ("env.hip_k=25,50,-1 -m", ["env.hip_k = -1"]),
+        ("env.frequency=1", "env.frequency: no such key; allowed there are num_envs, freq, ramp"),
+        ("+env.frequency=1", "env.frequency: no such key"),
+        ("env.freq=[", "no viable alternative"),
+        ("env=papers", "Could not find 'env/papers'"),
+        ("env=null", "group override must be a string"),
+        ("env.reward.alive={start: 1.0, end: -1.0, until: 0.5}", "both be positive or both negative"),
+        ("env.reward.alive={start: 1.0}", "allowed is a number, or a schedule"),
+        ("device=cuda:77", "cuda"),
+        ("device=cpu:0", "device: 'cpu:0' is not known"),
+        ("device=tpu", "device: 'tpu' is not known; allowed are cpu, cuda"),
+        ("resume=runs/none", "runs/none: not a run folder"),
+        ("resume=latest", "latest: no run with a checkpoint"),
     ],
 )
 def test_bad_input_to_train(monkeypatch, capsys, argument, expected):
-    pieces = [argument] if "{" in argument else argument.split()
-    line = refused(monkeypatch, capsys, "train", *pieces)
-    for part in expected:
-        assert part in line
+    assert expected in refused(monkeypatch, capsys, "train", argument)
     assert runs() == []
 
 
@@ -87,15 +57,6 @@ def test_bad_input_to_eval(monkeypatch, capsys, tmp_path):
     assert "neither a run folder" in refused(monkeypatch, capsys, "eval", "ckpt=empty")
     (tmp_path / "stray.pt").write_bytes(b"x")
     assert "no config.yaml beside it" in refused(monkeypatch, capsys, "eval", "ckpt=stray.pt")
-    assert "freq" in refused(monkeypatch, capsys, "eval", "evaluation.freq=[]")
-
-
-def test_a_python_process_exits_with_2(tmp_path):
-    told = subprocess.run(
-        [sys.executable, "-m", "posture.train", "env.hip_k=-5"], capture_output=True, text=True, cwd=tmp_path
-    )
-    assert told.returncode == 2
-    assert told.stderr.strip() == "error: env.hip_k = -5: must be greater than or equal to 0"
 
 
 # -- runs ------------------------------------------------------------------------------------------------------------
@@ -103,7 +64,7 @@ def test_a_python_process_exits_with_2(tmp_path):
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory):
-    """A run of two tiny iterations, with its evaluation, made once."""
+    """A run of two tiny iterations with its evaluation, trained once for all tests."""
     folder = tmp_path_factory.mktemp("trained")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
@@ -126,7 +87,8 @@ def test_evaluation_writes_trajectories_metrics_and_figures(trained):
     folder = trained / "evaluation"
     rows = table(folder / "metrics.csv")
     assert [float(row["freq_hz"]) for row in rows] == [0.5, 1.5]
-    assert all(row["fell"] == "True" and row["valid"] == "False" and row["cost"] == "nan" for row in rows)
+    fallen = [row for row in rows if row["fell"] == "True"]
+    assert fallen and all(row["valid"] == "False" and row["cost"] == "nan" for row in fallen)
     assert (folder / "trajectories.npz").exists() and len(list(folder.glob("*.png"))) >= 7
 
 
@@ -134,10 +96,10 @@ def test_an_evaluation_by_other_libraries_does_not_count(trained, monkeypatch):
     from posture.evaluation.trial import AS_TRAINED, is_current
 
     model, run = run_dir.newest_model(trained), run_dir.read_config(trained)
-    asked = (trained / "evaluation", model, run, run.evaluation, AS_TRAINED, "cpu")
-    assert is_current(*asked)
-    monkeypatch.setattr(run_dir, "versions", lambda: {"newton": "0.1"})
-    assert not is_current(*asked)
+    conditions = (trained / "evaluation", model, run, run.evaluation, AS_TRAINED, "cpu")
+    assert is_current(*conditions)
+    monkeypatch.setattr(provenance, "versions", lambda: {"newton": "0.1"})
+    assert not is_current(*conditions)
 
 
 def test_tensorboard_has_the_curves(trained):
@@ -153,16 +115,17 @@ def test_eval_by_file_folder_and_latest_agree(trained, monkeypatch, capsys):
     monkeypatch.chdir(trained.parent.parent)
     tables = []
     for ckpt, out in ((trained, "a"), (trained / "model_2.pt", "b"), ("latest", "c")):
-        call(monkeypatch, "eval", f"ckpt={ckpt}", f"out={out}", *(t for t in TINY if t.startswith("evaluation")))
+        call(monkeypatch, "eval", f"ckpt={ckpt}", f"out={out}", *EVALUATION, *NO_FIGURES)
         tables.append(Path(out, "metrics.csv").read_text())
     assert tables[0] == tables[1] == tables[2] == (trained / "evaluation" / "metrics.csv").read_text()
     assert "fell" in capsys.readouterr().out
 
 
 def test_eval_may_change_the_subject(trained, monkeypatch):
-    evaluation = [t for t in TINY if t.startswith("evaluation")]
     before = (trained / "evaluation" / "metrics.csv").read_bytes()
-    call(monkeypatch, "eval", f"ckpt={trained}", "env.load=4", "env.hip_k=60", "env.physics=mujoco", *evaluation)
+    call(
+        monkeypatch, "eval", f"ckpt={trained}", "env.load=4", "env.hip_k=60", "env.physics=mujoco", *EVALUATION, *NO_FIGURES
+    )
     folder = trained / "evaluation_hip_k-60_load-4_physics-mujoco"
     row = table(folder / "metrics.csv")[0]
     tried = yaml.safe_load((folder / "trial.yaml").read_text())["env"]
@@ -180,10 +143,14 @@ def same(a, b):
     return torch.equal(a, b) if isinstance(a, torch.Tensor) else a == b
 
 
-@pytest.mark.parametrize("processes", [1, 2])
-def test_resume_goes_on_exactly(monkeypatch, capsys, processes):
-    """Two iterations, a break and two more equal four without a break, bit for bit."""
-    quick = [*TINY, "evaluate=false", "env.num_envs=16", f"processes={processes}"]
+@pytest.mark.parametrize("processes", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_resume_continues_exactly(monkeypatch, capsys, processes):
+    """Two iterations, a break and two more equal four without a break, bit for bit.
+
+    Schedules keep the length that the training began with, so the weights are constant here.
+    """
+    constant = ["env.reward.stay_weight=1.5", "env.reward.target_weight=1.5", "env.reward.ended=-9"]
+    quick = [*TINY, *constant, "evaluate=false", "env.num_envs=16", f"processes={processes}"]
     call(monkeypatch, "train", *quick)
     run = runs()[0]
     call(monkeypatch, "train", f"resume={run}", "max_iterations=4")
@@ -196,6 +163,7 @@ def test_resume_goes_on_exactly(monkeypatch, capsys, processes):
     ours, theirs = (torch.load(path / "resume.pt", weights_only=True) for path in (run, other))
     assert len(ours["processes"]) == processes
     for one, other_one in zip(ours["processes"], theirs["processes"], strict=True):
+        assert (one["env"].pop("training_steps"), other_one["env"].pop("training_steps")) == (2 * 4, 4 * 4)
         assert same(one["env"], other_one["env"]) and same(one["rng"], other_one["rng"])
 
     kept = {path: path.read_bytes() for path in run.glob("*.yaml")}
@@ -208,31 +176,26 @@ def test_resume_goes_on_exactly(monkeypatch, capsys, processes):
     assert kept == {path: path.read_bytes() for path in run.glob("*.yaml")}
 
 
-def test_a_run_trained_elsewhere_can_be_evaluated_here(trained, monkeypatch, tmp_path):
-    """The device that a run was trained on need not exist where it is evaluated."""
+def test_a_run_trained_on_another_device_can_be_evaluated_here(trained, monkeypatch, tmp_path):
     config = yaml.safe_load((trained / "config.yaml").read_text())
     (tmp_path / "config.yaml").write_text(yaml.safe_dump(config | {"device": "cuda"}))
     (tmp_path / "model_2.pt").write_bytes((trained / "model_2.pt").read_bytes())
-    call(monkeypatch, "eval", f"ckpt={tmp_path}", *(t for t in TINY if t.startswith("evaluation")))
+    call(monkeypatch, "eval", f"ckpt={tmp_path}", *EVALUATION, *NO_FIGURES)
     assert (tmp_path / "evaluation" / "metrics.csv").exists()
 
 
-def test_an_unwritable_folder_is_said_before_anything_is_computed(trained, monkeypatch, capsys):
+def test_an_unwritable_folder_is_refused_before_anything_is_computed(trained, monkeypatch, capsys):
     assert "cannot write to the folder /proc" in refused(monkeypatch, capsys, "eval", f"ckpt={trained}", "out=/proc")
 
 
 def test_a_sweep_makes_a_folder_a_job_and_eval_one_table(monkeypatch):
-    call(monkeypatch, "train", "-m", "env.hip_k=25,75,...,175", *TINY, "max_iterations=1", "evaluate=false")
+    call(monkeypatch, "train", "-m", "env.hip_k=25,100,...,175", *TINY, "max_iterations=1", "evaluate=false")
     (sweep,) = runs()
-    jobs = sorted(path for path in sweep.iterdir() if path.is_dir())
-    assert len(jobs) == 4
-    assert not [path for path in jobs if {"=", ","} & set(path.name)]
-    stiffness = [yaml.safe_load((job / "config.yaml").read_text())["env"]["hip_k"] for job in run_dir.runs_in(sweep)]
-    assert stiffness == [25.0, 75.0, 125.0, 175.0]
-    call(monkeypatch, "eval", f"ckpt={sweep}", *(t for t in TINY if t.startswith("evaluation")))
+    assert sorted(path.name for path in sweep.iterdir() if path.is_dir()) == ["0_hip_k-25", "1_hip_k-100", "2_hip_k-175"]
+    call(monkeypatch, "eval", f"ckpt={sweep}", *EVALUATION, *NO_FIGURES)
     rows = table(sweep / "metrics.csv")
-    assert [float(row["hip_k_nm_per_rad"]) for row in rows] == [25.0, 25.0, 75.0, 75.0, 125.0, 125.0, 175.0, 175.0]
-    assert len({row["run"] for row in rows}) == 4
+    assert [float(row["hip_k_nm_per_rad"]) for row in rows] == [25.0, 25.0, 100.0, 100.0, 175.0, 175.0]
+    assert len({row["run"] for row in rows}) == 3
 
 
 def test_two_runs_of_the_same_second_do_not_share_a_folder():

@@ -6,7 +6,6 @@ import re
 import shutil
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import onnx
@@ -17,13 +16,13 @@ import yaml
 
 from envs.body.joints import JOINTS, KINDS
 from envs.task.head_tracking import HeadTrackingEnv
-from envs.task.observations import TERMS
+from envs.task.observations import TERMS, TaskState
 from posture.analysis.trajectory import Trajectory
 from posture.config.eval import EvaluationConfig
 from posture.evaluation.rollout import rollout
 from posture.evaluation.trial import AS_TRAINED, trial_config
 from posture.export import onnx_policy
-from posture.export.onnx_policy import COMPONENTS, write_onnx
+from posture.export.onnx_policy import write_onnx
 from posture.export.recording import write_csv, write_sto
 from posture.learning.networks import load_policy, network
 from posture.storage import checkpoint, run_dir
@@ -273,21 +272,18 @@ def test_names_of_the_senses_are_those_of_their_values():
     place = exact([0.1, 0.0, -0.05]).expand(1, 2, 2, 3)
     turned = [0.0, 0.0, np.sin(0.15), np.cos(0.15)]  # by 0.3 rad about z
     level = [0.0, 0.0, 0.0, 1.0]
-    env = SimpleNamespace(
-        FOOT_BODIES=[0, 1],
+    state = TaskState(
         hat_pose=exact([[0.11, 0.12, 1.3, *turned]]),
         hat_velocity=exact([[0.21, 0.22, 0.23, 0.24, 0.25, 0.26]]),
-        foot_position=exact([[[0.31, 0.32, 0.33], [0.35, 0.36, 0.39]]]),
+        foot_pose=exact([[[0.31, 0.32, 0.33, *level], [0.35, 0.36, 0.39, *level]]]),
+        foot_displacement=exact([[0.0, 0.0]]),
         head_x=exact([0.5]), head_vx=exact([0.6]),
         target_x=exact([0.75]), target_vx=exact([0.8]),
         action=exact([[0.01 * number[joint] for joint in ("hip_left", "ankle_left") * 2]]),
-        sim=SimpleNamespace(
-            joint_angle=exact([[float(number[joint]) for joint in JOINTS]]),
-            joint_velocity=exact([[10.0 * number[joint] for joint in JOINTS]]),
-            joint_force=exact([[100.0 * number[joint] for joint in JOINTS]]),
-            body_pose=exact([[[0.0, 0.0, 0.0, *level]] * 2]),
-            sole_force=force, sole_position=place,
-        ),
+        joint_angle=exact([[float(number[joint]) for joint in JOINTS]]),
+        joint_velocity=exact([[10.0 * number[joint] for joint in JOINTS]]),
+        joint_force=exact([[100.0 * number[joint] for joint in JOINTS]]),
+        sole_force=force, sole_position=place,
     )  # fmt: skip
     expected = {
         "torso_z": 1.3, "torso_vx": 0.21, "torso_vy": 0.22, "torso_vz": 0.23, "torso_wx": 0.24, "torso_wy": 0.25,
@@ -312,11 +308,10 @@ def test_names_of_the_senses_are_those_of_their_values():
         expected |= {f"{joint}_angle": number[joint], f"{joint}_velocity": 10 * number[joint]}
         expected |= {f"{joint}_torque_with_spring_and_damper": 100 * number[joint]}
         expected |= {f"{joint}_last_action": 0.01 * number[f"{kind}_left"]}
-    assert COMPONENTS.keys() == TERMS.keys()
     named = set()
-    for term, function in TERMS.items():
-        for (name, _), value in zip(COMPONENTS[term], function(env)[0].tolist(), strict=True):
-            assert value == pytest.approx(expected[name], abs=1e-9), (term, name)
+    for key, term in TERMS.items():
+        for (name, _), value in zip(term.components, term.function(state)[0].tolist(), strict=True):
+            assert value == pytest.approx(expected[name], abs=1e-9), (key, name)
             named.add(name)
     assert named == expected.keys()
 

@@ -36,6 +36,16 @@ def test_version_1_has_no_number_and_holds_the_published_tables(run):
     assert read_config(run) == expected
 
 
+def test_version_1_has_schedules_in_control_steps(run):
+    expected = read_config(run)
+    env = yaml.safe_load((run / "config.yaml").read_text())["env"]
+    for name in ("stay_weight", "target_weight", "ended"):
+        assert env["reward"][name].pop("until") == 0.75
+        env["reward"][name]["steps"] = 6  # of 2 iterations of 4 steps
+    rewrite(run, version="absent", env=env)
+    assert read_config(run) == expected
+
+
 @pytest.mark.parametrize("version", [0, VERSION + 1, "2", 1.5, None, [1], True])
 def test_an_unknown_version_is_refused(run, version):
     rewrite(run, version=version)

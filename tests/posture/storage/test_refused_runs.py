@@ -12,16 +12,12 @@ import pytest
 import torch
 
 import envs.task.head_tracking
-from envs.body.joints import KINDS
-from envs.task.head_tracking import HeadTrackingEnv
-from envs.task.observations import TERMS
 from posture.config.errors import ConfigError
-from posture.learning.networks import NUM_ACTIONS, OBSERVATION_SIZES, load_policy
+from posture.learning.networks import load_policy
 from posture.learning.resume import iterations_done
 from posture.storage import checkpoint
 from posture.storage.run_dir import read_config
 from tests.commands import refused
-from tests.conftest import compose
 
 SHORT = ["evaluation.duration=1.0", "evaluation.transient=0.1", "evaluation.freq=[0.5]", "evaluation.figures=false"]
 
@@ -370,12 +366,3 @@ def test_physics_is_not_even_imported(run, command):
     told = subprocess.run([sys.executable, "-c", code, *command], capture_output=True, text=True, cwd=run.parent)
     assert told.returncode == 2 and told.stdout.strip() == "['torch']"
     assert "run/model_2.pt: is damaged" in told.stderr and told.stderr.count("\n") == 1
-
-
-def test_the_sizes_are_those_of_the_task():
-    """What is known without physics is what physics gives."""
-    config = compose("env.num_envs=2", "agent.num_steps_per_env=32", "processes=1").env
-    every = config.model_copy(update={"observations": {term: (term,) for term in TERMS}})
-    senses = HeadTrackingEnv(every, 0, "cpu").get_observations()
-    assert {term: senses[term].shape[1] for term in TERMS} == OBSERVATION_SIZES
-    assert len(KINDS) == NUM_ACTIONS

@@ -6,6 +6,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -31,33 +32,33 @@ def stander(config):
 
 
 class Held:
-    """The body in MuJoCo's C solver, in double precision, placed with its feet flat and still at given joint angles."""
+    """The body in MuJoCo's C solver, in double precision, without contact, its feet flat and still at given joint angles."""
 
     def __init__(self, config, model=None):
         model = model or mujoco.MjModel.from_xml_path(str(MJCF))
         hinges = [model.joint(name).id for name in JOINTS]
+        dofs = model.jnt_dofadr[hinges]
         model.jnt_stiffness[hinges] = [config.hip_k, config.ankle_k] * 2
-        self.dofs = model.jnt_dofadr[hinges]
-        model.dof_damping[self.dofs] = config.joint_damping
-        model.dof_armature[self.dofs] = config.joint_armature
+        model.dof_damping[dofs] = config.joint_damping
+        model.dof_armature[dofs] = config.joint_armature
         model.body("hat").mass += config.load
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
         mujoco.mj_setConst(model, mujoco.MjData(model))
         self.model, self.data, self.angles = model, mujoco.MjData(model), model.jnt_qposadr[hinges]
 
     def place(self, hip, ankle):
-        """Pose with these joint angles, feet flat, ankles over x = -0.01 and on their height."""
-        data = self.data
+        """Pose with these joint angles, feet flat, ankles over x = -0.01 and at their height."""
+        data, pitch = self.data, -(hip + ankle)
         data.qpos[:] = 0.0
-        pitch = -(hip + ankle)
         data.qpos[3:7] = [math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0]
         data.qpos[self.angles] = [hip, ankle] * 2
         mujoco.mj_kinematics(self.model, data)
-        data.qpos[:3] = np.array([ANKLE_X, 0.0, 0.0]) - data.joint("ankle_left").xanchor
-        data.qpos[1], data.qpos[2] = 0.0, data.qpos[2] + ANKLE_OVER_GROUND
+        data.qpos[:3] = np.array([ANKLE_X, 0.0, ANKLE_OVER_GROUND + data.qpos[2]]) - data.joint("ankle_left").xanchor
+        data.qpos[1] = 0.0
         mujoco.mj_kinematics(self.model, data)
         mujoco.mj_comPos(self.model, data)
-        foot = data.body("foot_left").xmat.reshape(3, 3)
-        assert foot == pytest.approx(np.eye(3), abs=1e-12)
+        assert data.body("foot_left").xmat.reshape(3, 3) == pytest.approx(np.eye(3), abs=1e-12)
         return data.qpos.copy()
 
     def freedom(self, hip, ankle):
@@ -71,17 +72,16 @@ class Held:
         self.place(hip, ankle)
         return np.stack(columns, axis=1)
 
-    def holding_torque(self, hip, ankle):
-        """Actuator torque of both hips, both ankles together that holds this pose [Nm]: inverse dynamics of the free body
-        projected on what the held feet leave free."""
-        freedom = self.freedom(hip, ankle)
-        self.data.qvel[:] = self.data.qacc[:] = 0.0
-        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    def torque(self, angle, velocity=(0.0, 0.0), acceleration=(0.0, 0.0)):
+        """Actuator torque of both hips and both ankles together [Nm]: inverse dynamics of the free body, projected on the
+        motions that leave the feet still."""
+        freedom = self.freedom(*angle)
+        self.data.qvel[:], self.data.qacc[:] = freedom @ velocity, freedom @ acceleration
         mujoco.mj_inverse(self.model, self.data)
         return freedom.T @ self.data.qfrc_inverse
 
 
-def shifted(config, forward):
+def with_centre_of_mass_ahead(config, forward):
     """Both models of a body whose HAT has its centre of mass further forward [m]."""
     held, body = Held(config), read_segments(config)
     held.model.body("hat").ipos[0] += forward
@@ -101,21 +101,22 @@ def test_mass_matrix(config, stander):
 @pytest.mark.parametrize("forward", [0.0, 0.05])
 def test_stiffness_with_gravity_and_torque_upright(config, forward):
     """Slope and value of the torque that MuJoCo needs to hold a pose, also with the trunk's mass well ahead of the hip."""
-    held, stander = shifted(config, forward)
-    assert stander.offset == pytest.approx(held.holding_torque(0.0, 0.0), abs=1e-3)
+    held, stander = with_centre_of_mass_ahead(config, forward)
+    assert stander.offset == pytest.approx(held.torque((0.0, 0.0)), abs=1e-3)
     for joint, step in enumerate(np.eye(2) * SMALL):
-        slope = (held.holding_torque(*step) - held.holding_torque(*-step)) / (2 * SMALL)
+        slope = (held.torque(step) - held.torque(-step)) / (2 * SMALL)
         assert stander.stiffness[:, joint] == pytest.approx(slope, rel=1e-4)
 
 
 def test_head(config, stander):
     held = Held(config)
-    for joint, step in enumerate(np.eye(2) * SMALL):
-        places = []
-        for angles in (step, -step):
-            held.place(*angles)
-            places.append(held.data.geom("head").xpos[0])
-        assert stander.head[joint] == pytest.approx((places[0] - places[1]) / (2 * SMALL), rel=1e-5)
+
+    def head(angle):
+        held.place(*angle)
+        return held.data.geom("head").xpos[0]
+
+    slopes = [(head(step) - head(-step)) / (2 * SMALL) for step in np.eye(2) * SMALL]
+    assert stander.head == pytest.approx(slopes, rel=1e-5)
 
 
 @pytest.mark.parametrize("forward", [0.0, 0.05])
@@ -125,16 +126,11 @@ def test_centre_of_pressure_by_newton_and_euler(config, forward):
     The root's wrench is what the ground gives: force f and moment about the HAT's frame, which put the force at
     x = -(M_y - (z_sole - z_hat) f_x) / f_z + x_hat on the ground's height.
     """
-    held, stander = shifted(config, forward)
-    held.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    held, stander = with_centre_of_mass_ahead(config, forward)
 
     def simulated(angle, acceleration):
-        freedom = held.freedom(*angle)
-        held.data.qvel[:] = 0.0
-        held.data.qacc[:] = freedom @ acceleration
-        mujoco.mj_inverse(held.model, held.data)
-        force = held.data.qfrc_inverse[:3]
-        turn = np.zeros(9)
+        held.torque(angle, acceleration=acceleration)
+        force, turn = held.data.qfrc_inverse[:3], np.zeros(9)
         mujoco.mju_quat2Mat(turn, held.data.qpos[3:7])
         moment = (turn.reshape(3, 3) @ held.data.qfrc_inverse[3:6])[1]
         x, z = held.data.qpos[[0, 2]]
@@ -150,54 +146,47 @@ def test_centre_of_pressure_by_newton_and_euler(config, forward):
 
 
 def test_free_motion_with_the_feet_held(config, stander):
-    """Let go from a small bend, MuJoCo with its feet held and our equation swing and topple alike for 0.8 s.
+    """Released from a small bend, MuJoCo with its feet held and our equation swing and topple alike for 0.8 s.
 
-    The feet are held by a mass and an inertia so large that nothing moves them, and by taking gravity off them alone. What
-    the linear equation leaves out is of the third order in the angles.
+    The feet are held by a very large mass and inertia, and by taking gravity off them alone. What the linear equation leaves
+    out is of the third order in the angles.
     """
-    spec = mujoco.MjSpec.from_file(str(MJCF))
-    for foot in ("foot_left", "foot_right"):
+    spec, feet = mujoco.MjSpec.from_file(str(MJCF)), ("foot_left", "foot_right")
+    for foot in feet:
         spec.body(foot).gravcomp = 1.0
     held = Held(config, spec.compile())
     model, data = held.model, held.data
-    for foot in ("foot_left", "foot_right"):
+    for foot in feet:
         model.body(foot).mass, model.body(foot).inertia = 1e9, 1e9
     model.opt.timestep = 1e-4
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     mujoco.mj_setConst(model, mujoco.MjData(model))
     start = np.array([-0.02, 0.01])
     data.qpos[:] = held.place(*start)
     data.qvel[:] = 0.0
     inverse, still = np.linalg.inv(stander.mass), np.linalg.solve(stander.stiffness, -stander.offset)
-    joined = np.block([[np.zeros((2, 2)), np.eye(2)], [-inverse @ stander.stiffness, -inverse @ stander.damping]])
-    rates, shapes = np.linalg.eig(joined)
+    plant = np.block([[np.zeros((2, 2)), np.eye(2)], [-inverse @ stander.stiffness, -inverse @ stander.damping]])
+    rates = np.linalg.eigvals(plant)
     assert np.abs(rates.imag).max() > 5.0 and rates.real.max() > 2.0  # one mode swings, one topples
-    weights = np.linalg.solve(shapes, np.concatenate([start - still, np.zeros(2)]))
-    seen, expected = [], []
-    for step in range(8000):
+    found, expected = [], []
+    for step in range(1, 8001):
         mujoco.mj_step(model, data)
-        if step % 200 == 199:
-            seen.append(data.qpos[held.angles[:2]].copy())
-            expected.append(still + (shapes @ (weights * np.exp(rates * (step + 1) * model.opt.timestep))).real[:2])
-    assert np.ptp(seen, axis=0).min() > 0.02
-    assert np.array(seen) == pytest.approx(np.array(expected), abs=1e-4)
+        if step % 200 == 0:
+            found.append(data.qpos[held.angles[:2]].copy())
+            moved = scipy.linalg.expm(plant * step * model.opt.timestep) @ [*(start - still), 0.0, 0.0]
+            expected.append(still + moved[:2])
+    assert np.ptp(found, axis=0).min() > 0.02
+    assert np.array(found) == pytest.approx(np.array(expected), abs=1e-4)
 
 
-def test_torques_of_a_motion_move_the_simulated_body_along_it(config, stander):
-    """Inverse dynamics of MuJoCo along a small sinusoid asks for the torques that the motion says."""
-    motion = sinusoid(stander, 0.8, SMALL, SMALL)
-    held = Held(config)
-    held.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-    held.model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
-    time = motion.cycle(7)
-    for angle, velocity, acceleration, torque in zip(
-        motion.angle(time), motion.velocity(time), motion.acceleration(time), motion.torque(time), strict=True
-    ):
-        freedom = held.freedom(*angle)
-        held.data.qvel[:] = freedom @ velocity
-        held.data.qacc[:] = freedom @ acceleration
-        mujoco.mj_inverse(held.model, held.data)
-        assert 2 * torque == pytest.approx(freedom.T @ held.data.qfrc_inverse, abs=2e-3 * np.abs(torque).max())
+def test_torques_of_a_motion_are_those_of_the_simulated_body(config, stander):
+    """Inverse dynamics of MuJoCo along a small sinusoid needs the torques of the motion."""
+    motion, held = sinusoid(stander, 0.8, SMALL, SMALL), Held(config)
+    for time in motion.cycle(7):
+        angle, velocity, acceleration, torque = (
+            signal(np.array([time]))[0] for signal in (motion.angle, motion.velocity, motion.acceleration, motion.torque)
+        )
+        expected = held.torque(angle, velocity, acceleration)
+        assert 2 * torque == pytest.approx(expected, abs=2e-3 * np.abs(torque).max())
 
 
 @settings(max_examples=25, deadline=None)
@@ -217,12 +206,10 @@ def test_velocity_and_acceleration_are_derivatives(stander, freq, values):
     assert motion.angle(time + 3 / freq) == pytest.approx(motion.angle(time), abs=1e-9)
 
 
-def test_no_load_twice(env_config):
+def test_a_load_counts_once(config):
     """A load adds its mass at the HAT's centre: to the mass matrix by its lever squared about both joints."""
-    config = env_config()
     body = read_segments(config)
     bare, loaded = (linearise(body, config.model_copy(update={"load": load})) for load in (0.0, 3.0))
     hip, com = body.hip, body.hat_com
-    about_hip, about_ankle = 3.0 * com @ com, 3.0 * (hip + com) @ (hip + com)
-    extra = loaded.mass - bare.mass
-    assert extra[0, 0] == pytest.approx(about_hip) and extra[1, 1] == pytest.approx(about_ankle)
+    added = 3.0 * com @ com, 3.0 * (hip + com) @ (hip + com)
+    assert np.diag(loaded.mass - bare.mass) == pytest.approx(added)
