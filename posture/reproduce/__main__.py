@@ -87,6 +87,8 @@ def train(plan: Plan, config: ReproduceConfig, progress: SweepProgress) -> bool:
 
 def report(plan: Plan, config: ReproduceConfig) -> None:
     """Write the page and ship policies, as the stages say. Raises ConfigError if there is nothing to report."""
+    if not any(fraction_done(job) >= 1 for job in plan.trainings["frequency"]):
+        raise ConfigError("no policy of Exp. 1 is done: run the stage train first")
     # Imported here because they are slow.
     from posture.reproduce.collect import collect
     from posture.reproduce.page.provenance import warnings
@@ -95,8 +97,6 @@ def report(plan: Plan, config: ReproduceConfig) -> None:
 
     paper = read_published()
     reproduction = collect(plan.trainings, plan.evaluations, config.search, paper)
-    if reproduction is None:
-        raise ConfigError("no policy of Exp. 1 is done: run the stage train first")
     for warning in warnings(reproduction.trainings, reproduction.left_out):
         print(warning.replace("**", ""), file=sys.stderr)
     if "report" in config.stages:

@@ -42,8 +42,8 @@ def collect(
     evaluated: Mapping[str, Sequence[Job]],
     search: tuple[float, float],
     paper: Published,
-) -> Reproduction | None:
-    """Read the results of the jobs that are done, by experiment; None if no policy of Exp. 1 is done yet.
+) -> Reproduction:
+    """Read the results of the jobs that are done, by experiment; at least one policy of Exp. 1 must be.
 
     The jobs `trained` train policies, the jobs `evaluated` take those of Exp. 1. Left out, and named, are runs in the same
     sweeps that none of these jobs made, and evaluations by other code or under other conditions. `search`: where theory's
@@ -51,8 +51,6 @@ def collect(
     """
     done = {name: [job for job in jobs if fraction_done(job) >= 1] for name, jobs in trained.items()}
     policies = done["frequency"]
-    if not policies:
-        return None
     run = _config(policies[0])
     left_out = [str(folder) for jobs in trained.values() for folder in other_runs(jobs)]
     results = {name: [result for job in jobs for result in _of_training(job, left_out)] for name, jobs in done.items()}

@@ -2,7 +2,7 @@
 
 import csv
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,10 +18,44 @@ from posture.evaluation import trial
 from posture.reproduce import __main__ as command
 from posture.reproduce import collect
 from posture.storage import checkpoint, provenance, yaml_files
-from tests.posture.reproduce.examples import TRANSITIONS, paper_results, steady, swept
+from tests.posture.reproduce.examples import PAPER, REPORT, TRANSITIONS, paper_results, steady, swept
 from tests.posture.reproduce.page.test_page import Reader
 
 RESULTS = paper_results(seeds=2)
+
+
+def make_plan() -> command.Plan:
+    """The jobs of every experiment, two of three seeds wanted; a configuration is composed once for each experiment."""
+
+    def vary(name: str, key: str, values: Iterable[object]) -> list[Job]:
+        """The jobs that a sweep of `env.<key>` has, and for trainings of three seeds."""
+        command_name, kind = ("train", TrainConfig) if name in command.TRAININGS else ("eval", EvalConfig)
+        (job,) = check(command_name, kind, [f"experiment={name}"]).jobs
+        assert isinstance(job.config, TrainConfig | EvalConfig)
+        jobs = []
+        for value in values:
+            config = job.config.model_copy(update={"env": job.config.env.model_copy(update={key: value})})
+            folder = Path("runs", name)
+            if isinstance(config, EvalConfig):
+                jobs.append(Job(config, folder / f"{key}-{value}"))
+                continue
+            for seed in (1, 2, 3):
+                jobs.append(Job(config.model_copy(update={"seed": seed}), folder / f"{key}-{value}_seed-{seed}"))
+        return jobs
+
+    trainings = {
+        "frequency": vary("frequency", "hip_k", [125.0]),
+        "energy": vary("energy", "energy_weight", PAPER.table_4.gamma),
+        "hip_stiffness": vary("hip_stiffness", "hip_k", PAPER.experiment_3.hip_k_nm_per_rad),
+    }
+    evaluations = {
+        "ramp": vary("ramp", "load", [None]),
+        "load": vary("load", "load", [0.5 * i for i in range(9)]),
+        "amplitude": vary("amplitude", "amplitude", REPORT.grid.amplitudes_m),
+        "engines": vary("engines", "physics", ["sagittal", "mujoco", "mujoco_c"]),
+    }
+    wanted = {name: [job for job in own if command._seed(job) <= 2] for name, own in trainings.items()}
+    return command.Plan(trainings, wanted, evaluations)
 
 
 def write_training(job: Job) -> None:
@@ -49,7 +83,7 @@ def write_evaluation(out: Path, job: Job, evaluation: EvalConfig | None, results
     write_csv([replace(result, origin=NO_ORIGIN) for result in results], out / "metrics.csv")
     trace.save(out / "trajectories.npz")
     env = trial.trial_config(run.env, how, changes, run.device)
-    yaml_files.write_yaml(out / "trial.yaml", trial._about(model_of(job), run) | trial._conditions(how, env))
+    yaml_files.write_yaml(out / "trial.yaml", trial._policy_record(model_of(job), run) | trial._conditions(how, env))
 
 
 def write_all(plan: command.Plan) -> None:
@@ -94,7 +128,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[command.Pla
         patch.setattr(collect, "_with_reward_optimum", lambda results, *_: [replace(r, reward=NO_REWARD) for r in results])
         (job,) = check("reproduce", ReproduceConfig, ["seeds=2", "stages=[report]", "out=report"]).jobs
         assert isinstance(job.config, ReproduceConfig)
-        plan = command.make_plan(job.config)
+        plan = make_plan()
         write_all(plan)
         command.report(plan, job.config)
         yield plan, job.config
