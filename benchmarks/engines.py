@@ -1,21 +1,21 @@
-"""How many control steps a second the task makes on each physics engine, and how much memory a world takes.
+"""Control steps per second and memory per world of the task on each physics engine.
 
     python benchmarks/engines.py [--worlds 1 16 256 1024 4096 16384] [--engines sagittal mujoco mujoco_c gymnasium ...]
                                  [--csv benchmarks/engines.csv] [--device cpu] [--repeats 3] [--seconds 2]
 
 Engines:
-    sagittal, mujoco: `HeadTrackingEnv` with that `env.physics`; the whole environment under random actions, worlds reset as
-        it does, and the physics alone (`env.sim.step`). mujoco's kernels run on one thread of a CPU; sagittal is measured on
-        one and on as many as there are cores, of which it uses fewer where the worlds are few.
-    mujoco_c: `mujoco.rollout`, MuJoCo's C engine; physics alone, on one thread and on as many as there are cores. A world
-        that is not at work is no more than a row of numbers to it, so it has no memory a world.
-    gymnasium: the environment of gym_stander.py, its worlds shared out to one process a core; up to 1024 worlds.
-    gymnasium_async: the same as Gymnasium comes, AsyncVectorEnv with a process a world; up to 64 worlds.
+    sagittal, mujoco: `HeadTrackingEnv` with that `env.physics`; the whole environment under random actions, worlds reset
+        as needed, and the physics alone (`env.sim.step`). On a CPU mujoco's kernels run on one thread. sagittal is measured
+        with one thread and with one per core; it uses fewer when there are few worlds.
+    mujoco_c: `mujoco.rollout`, MuJoCo's C engine; physics alone, with one thread and with one per core. Its worlds are rows
+        of an array, so memory per world is not reported.
+    gymnasium: the environment of gym_stander.py in one process per core; up to 1024 worlds.
+    gymnasium_async: the same in Gymnasium's AsyncVectorEnv, one process per world; up to 64 worlds.
 
-Prints and writes one row a measurement: world control steps/s (two physics steps each as configured), and bytes a world: the
-growth of memory over the fewest worlds measured, divided by the added worlds. Physics alone starts from standing every half
-second and is driven by small random torques, since a body left to itself falls. Each measurement has a process of its own;
-all are repeated in turn, and the median stands. All rows are of one run; compare ratios, since machines differ and drift.
+Prints and writes one row per measurement: control steps/s over all worlds (two physics steps each as configured), and bytes
+per world: the growth of memory over the smallest number of worlds, divided by the number of added worlds. Physics alone
+restarts from standing every half second and is driven by small random torques. Each measurement runs in its own process and
+is repeated; the median is reported. All rows are from one run. Compare ratios, since the speed of a machine drifts.
 """
 
 import argparse
@@ -43,27 +43,27 @@ REFERENCE = "mujoco"
 TRIAL = 32
 """Control steps from standing: half a second, in which the feet stay on the ground."""
 NOISE = 0.2
-"""Standard deviation of the random actions, that of a policy that begins to learn; of torques a tenth of it."""
+"""Standard deviation of the random actions, that of an untrained policy; that of the torques is a tenth of it."""
 MOST = {"gymnasium": 1024, "gymnasium_async": 64}
-"""Worlds beyond which an engine is not run, since it would only take longer to build."""
+"""Largest number of worlds that an engine is run with, since more take too long to build."""
 BLOCK = 1024
-"""Worlds in one call of mujoco.rollout: enough to keep its threads busy, and few enough for a call to be short."""
-STANDS_OUT = 4 * 2**20
-"""Growth of memory that is more than what that of a process varies by [bytes]."""
+"""Worlds in one call of mujoco.rollout: enough to keep its threads busy, few enough for a short call."""
+NOTICEABLE = 4 * 2**20
+"""Growth of memory that exceeds the variation between processes [bytes]."""
 RATES = ("env_steps_per_s", "physics_steps_per_s")
 COLUMNS = ("engine", "worlds", "threads", *RATES, "bytes_per_world", "contacts_dropped", "device", "cores")
 Row = dict[str, Any]
 
 
 def main() -> None:
-    """Measure, print and write."""
+    """Measure, print and write the rows."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--worlds", type=int, nargs="+", default=[1, 16, 256, 1024, 4096, 16384])
     parser.add_argument("--engines", nargs="+", choices=ENGINES, default=list(ENGINES))
     parser.add_argument("--csv", type=Path, default=Path(__file__).with_name("engines.csv"))
     parser.add_argument("--device", default="cpu", help="of sagittal and mujoco")
     parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--seconds", type=float, default=2.0, help="at least, for each number of a row")
+    parser.add_argument("--seconds", type=float, default=2.0, help="minimum time of each measurement")
     arguments = parser.parse_args()
     engines = list(arguments.engines)
     ours = [engine for engine in engines if not engine.startswith("gymnasium")]
@@ -81,7 +81,7 @@ def main() -> None:
 
 
 def threads(engine: str, worlds: int) -> list[int]:
-    """On how many threads or processes an engine is measured with so many worlds."""
+    """Numbers of threads or processes that an engine is measured with, for this number of worlds."""
     cores = os.cpu_count() or 1
     if worlds > MOST.get(engine, worlds):
         return []
@@ -90,7 +90,7 @@ def threads(engine: str, worlds: int) -> list[int]:
 
 
 def measure(engine: str, worlds: int, threads: int, device: str, seconds: float) -> Row:
-    """One row, with `bytes` in use at its end; where physics dropped contacts, without numbers."""
+    """One row, with the memory in use at the end as `bytes`; without numbers if physics dropped contacts."""
     overrides = [f"env.num_envs={worlds}", "agent.algorithm.num_mini_batches=1", "processes=1"]
     if engine in ("sagittal", "mujoco"):
         overrides.append(f"env.physics={engine}")
@@ -109,8 +109,10 @@ def measure(engine: str, worlds: int, threads: int, device: str, seconds: float)
 
 
 def rate(step: Callable[[int], Any], begin: Callable[[], Any], device: str, seconds: float) -> float:
-    """Calls of `step(i)` a second over at least `seconds` and three calls, in trials of i = 0, 1, ... up to `TRIAL`, each
-    after a `begin()` that is not timed."""
+    """Calls of `step(i)` per second, over at least `seconds` and three calls.
+
+    Trials are i = 0, 1, ... below `TRIAL`, each after a call of `begin()` that is not timed.
+    """
     begin()
     step(0)
     estimate = timed(device, lambda: step(1))
@@ -142,7 +144,7 @@ def _mujoco_c(config: EnvConfig, worlds: int, threads: int, device: str, seconds
     standing = np.empty(mujoco.mj_stateSize(model, full))
     mujoco.mj_getState(model, data, standing, full)
     block, steps = min(worlds, BLOCK), TRIAL * config.solver.substeps
-    # Each torque is held for a control step; the root, whose six come first, is left alone.
+    # Each torque is held for a control step. The six degrees of freedom of the root, which come first, have none.
     torques = np.zeros((block, steps, model.nv))
     torques[..., -4:] = np.repeat(_torques(config, block, TRIAL, 4).numpy(), config.solver.substeps, axis=1)
     state = np.empty((block, steps, len(standing)))
@@ -191,24 +193,24 @@ _MEASURES = {
 
 
 def median(repeats: list[Row]) -> Row:
-    """The median of each number of the rows of one measurement, None where one is lacking."""
+    """The median of each number over the rows of one measurement, None where one is missing."""
     lists = {key: [row[key] for row in repeats] for key in (*RATES, "bytes")}
     numbers = {key: None if None in values else round(statistics.median(values)) for key, values in lists.items()}
     return numbers | {"contacts_dropped": any(row["contacts_dropped"] for row in repeats)}
 
 
 def summary(rows: list[Row]) -> list[Row]:
-    """The rows as they are written: with bytes a world, from the growth over the engine's row with the fewest worlds."""
+    """The rows as written, with bytes per world from the growth over the engine's row with the fewest worlds."""
     least: dict[str, Row] = {}
     for row in rows:
         base = least.setdefault(row["engine"], row)
         grown = (row["bytes"] or 0) - (base["bytes"] or 0)
-        row["bytes_per_world"] = round(grown / (row["worlds"] - base["worlds"])) if grown > STANDS_OUT else None
+        row["bytes_per_world"] = round(grown / (row["worlds"] - base["worlds"])) if grown > NOTICEABLE else None
     return [{column: row[column] for column in COLUMNS} for row in rows]
 
 
 def table(rows: list[Row]) -> str:
-    """The rows for reading, rates also as multiples of the reference at the same number of worlds."""
+    """The rows as text, with rates also as multiples of the reference at the same number of worlds."""
     reference = {row["worlds"]: row for row in rows if row["engine"] == REFERENCE}
     lines = [f"{'engine':16}{'worlds':>7}{'threads':>8}{'env steps/s':>22}{'physics steps/s':>22}{'bytes/world':>13}"]
     for row in rows:

@@ -1,8 +1,7 @@
-"""The default task as a Gymnasium environment on MuJoCo's C engine, one stander a world: for comparison only.
+"""The default task as a Gymnasium environment on MuJoCo's C engine, one stander per environment. For comparison only.
 
-Body, step, actions, target, reward and early ends are those of `envs.task.head_tracking.HeadTrackingEnv`, and all numbers
-are
-those of its configuration; tests/test_benchmarks.py holds the two together. `Pool` is many of them in few processes.
+Body, step, actions, target, reward and terminations are those of `envs.task.head_tracking.HeadTrackingEnv`, with the numbers
+of its configuration; tests/test_benchmarks.py compares the two. `Pool` runs many of them in a few processes.
 """
 
 import math
@@ -20,7 +19,7 @@ from envs.engines.mujoco_c import build
 from envs.task import rewards, terminations
 
 FORK = "fork"
-"""How worlds get their processes: each would else import Newton anew, for the sake of a few names in envs/body/model.py."""
+"""How processes start: with spawn each would import Newton again."""
 
 Step = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[int, np.ndarray]]
 
@@ -28,8 +27,8 @@ Step = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[int, np.ndarra
 class StanderEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     """One stander. Action (2,): hip and ankle torque over the torque limit. Observation: all groups of `env.observations`.
 
-    Weights on a schedule go by the steps made since it was built, episodes together, as in `HeadTrackingEnv`. A frequency
-    given as a range is drawn uniformly, episode by episode, with Gymnasium's own random numbers.
+    Scheduled weights follow the number of steps since construction, over all episodes, as in `HeadTrackingEnv`. A frequency
+    given as a range is drawn uniformly for each episode from Gymnasium's random numbers.
     """
 
     def __init__(self, config: EnvConfig, training_steps: int | None = None) -> None:
@@ -74,7 +73,7 @@ class StanderEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self.action[HIPS], self.action[ANKLES] = hip, ankle
         self.data.qfrc_applied[self.dofs] = self.config.torque_limit * self.action
         mujoco.mj_step(self.model, self.data, self.config.solver.substeps)
-        mujoco.mj_kinematics(self.model, self.data)  # mj_step leaves the places of before its last substep
+        mujoco.mj_kinematics(self.model, self.data)  # mj_step leaves the positions from before its last substep
         self.steps += 1
         self.episode_step += 1
         self._read()
@@ -82,12 +81,12 @@ class StanderEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         time_out = self.episode_step >= self.length and not ended
         return self._observation(), self._reward(ended), ended, time_out, {}
 
-    # -- inside ------------------------------------------------------------------------------------------------------
+    # -- internal ----------------------------------------------------------------------------------------------------
 
     def _read(self) -> None:
         data, config = self.data, self.config
         self.attitude = data.xmat[self.hat].reshape(3, 3)
-        self.spin = self.attitude @ data.qvel[3:6]  # MuJoCo's own is in the frame of the body
+        self.spin = self.attitude @ data.qvel[3:6]  # MuJoCo's is in the body frame
         lever = self.attitude @ self.hat_com
         self.com_velocity = data.qvel[:3] + _cross(self.spin, lever)
         lever = self.attitude @ self.head
@@ -144,11 +143,11 @@ TERMS: dict[str, Callable[[StanderEnv], object]] = {
     "target_velocity": lambda env: (env.target_vx,),
     "target_error": lambda env: (env.target_x - env.head_x,),
 }
-"""Those of envs/task/observations.py that are supported, under the same names."""
+"""The supported terms of envs/task/observations.py, by name."""
 
 
 def shares(config: EnvConfig, worlds: int) -> list[EnvConfig]:
-    """The configuration of each of `worlds` environments: where draws are stratified, each has its part of the range."""
+    """The configuration of each of `worlds` environments. Stratified draws give each its part of the frequency range."""
     if not isinstance(config.freq, tuple) or config.freq_draw != "stratified":
         return [config] * worlds
     edges = np.linspace(*config.freq, worlds + 1).tolist()
@@ -156,10 +155,9 @@ def shares(config: EnvConfig, worlds: int) -> list[EnvConfig]:
 
 
 class Pool:
-    """Many `StanderEnv` in few processes, each world reset as soon as its episode ends.
+    """Many `StanderEnv` in a few processes; a world is reset when its episode ends.
 
-    Gymnasium's AsyncVectorEnv gives every world a process of its own, which costs more than it brings where there are more
-    worlds than cores.
+    Gymnasium's AsyncVectorEnv starts one process per world, which is slow when there are more worlds than cores.
     """
 
     def __init__(self, config: EnvConfig, worlds: int, processes: int, seed: int, training_steps: int | None = None) -> None:
@@ -174,8 +172,10 @@ class Pool:
         self.observation = np.concatenate([pipe.recv() for pipe in self._pipes])
 
     def step(self, actions: np.ndarray) -> Step:
-        """Actions (N, 2) -> observation (N, size), reward (N,), ended (N,), timed out (N,), all as `StanderEnv.step`, where
-        worlds whose episode is over return the first observation of the next; and the last one of each such world."""
+        """Actions (N, 2) -> observation (N, size), reward (N,), ended (N,), timed out (N,), last observations by world.
+
+        A world whose episode is over returns the first observation of the next episode; its last one is in the dictionary.
+        """
         for pipe, part in zip(self._pipes, np.split(actions, self._first[1:]), strict=True):
             pipe.send(part)
         *arrays, last = zip(*(pipe.recv() for pipe in self._pipes), strict=True)
@@ -189,7 +189,7 @@ class Pool:
 
 
 def _work(pipe, configs_and_seeds: list[tuple[EnvConfig, int]], training_steps: int | None) -> None:
-    """What a process of a `Pool` does until it is sent None."""
+    """Main loop of a process of a `Pool`; receiving None ends it."""
     envs = [StanderEnv(config, training_steps) for config, _ in configs_and_seeds]
     pipe.send(np.stack([env.reset(seed=seed)[0] for env, (_, seed) in zip(envs, configs_and_seeds, strict=True)]))
     while (actions := pipe.recv()) is not None:
@@ -202,5 +202,5 @@ def _work(pipe, configs_and_seeds: list[tuple[EnvConfig, int]], training_steps: 
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """np.cross, which takes ten times as long for two vectors."""
+    """Cross product of two vectors, ten times as fast as np.cross."""
     return np.array((a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]))

@@ -1,18 +1,18 @@
-"""How fast policies are learned: ours, and Stable-Baselines3's PPO on the Gymnasium environment of gym_stander.py.
+"""Speed of learning: ours, and Stable-Baselines3's PPO on the Gymnasium environment of gym_stander.py.
 
     python benchmarks/learners.py [--learners ours sb3] [--worlds N] [--budget 600] [--every 30] [--device cpu]
                                   [--csv benchmarks/learners.csv] [--curves benchmarks/learners_curves.csv] [overrides ...]
 
-Each learner trains on the default task for `--budget` seconds, in a process of its own, one after the other. Every `--every`
-seconds, with the clock stopped, its deterministic policy is evaluated in our environment as conf/evaluation says: cost ratio
-is the mean over the frequencies of cost over least cost, over those at which it did not fall.
+Each learner trains on the default task for `--budget` seconds, in its own process, one after the other. Every `--every`
+seconds the clock is stopped and the deterministic policy is evaluated in our environment, as conf/evaluation says. The cost
+ratio is cost over least cost, averaged over the frequencies without a fall.
 
-Writes one row a learner: training samples/s, the seconds after which the cost ratio was first at most 1.25 without a fall
-(empty if never), the best cost ratio without a fall (empty if it always fell), the falls of the last evaluation, and the
-processes that step worlds with the threads that torch has in each. The curves hold one row an evaluation.
+Writes one row per learner: training samples/s, the time until the cost ratio was first at most 1.25 without a fall (empty
+if never), the best cost ratio without a fall (empty if it always fell), the falls in the last evaluation, the number of
+processes that step worlds, and torch's threads in each. The curves have one row per evaluation.
 
-SB3 is given our numbers of worlds, horizon, epochs, mini-batches, discount, clipping, networks, normalised observations and
-first learning rate. It has no learning rate that adapts to the KL divergence, and no bounds on the standard deviation.
+SB3 gets our number of worlds, horizon, epochs, mini-batches, discount, clipping, networks, observation normalisation and
+initial learning rate. It cannot adapt the learning rate to the KL divergence, nor bound the standard deviation.
 Overrides are Hydra's, e.g. env.physics=mujoco.
 """
 
@@ -38,15 +38,15 @@ from posture.learning import parallel
 from posture.learning.learner import Learner
 
 GOOD = 1.25
-"""Cost ratio that counts as learned: within 25 % of the least cost."""
+"""A policy counts as learned at this cost ratio: within 25 % of the least cost."""
 FOREVER = 10**9
-"""Iterations, or samples, that no budget allows."""
+"""More iterations than any budget allows."""
 NEEDS = ("gymnasium", "stable-baselines3")
 Row = dict[str, Any]
 
 
 def main() -> None:
-    """Measure, print and write."""
+    """Measure, print and write the rows."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--learners", nargs="+", choices=list(_LEARNERS), default=list(_LEARNERS))
     parser.add_argument("--worlds", type=int, help="instead of env.num_envs")
@@ -60,7 +60,7 @@ def main() -> None:
     overrides = [f"device={arguments.device}", *arguments.overrides]
     if arguments.worlds:
         overrides.append(f"env.num_envs={arguments.worlds}")
-    compose(*overrides)  # bad input shows here, not in the second learner
+    compose(*overrides)  # to report bad input before the first learner starts
     rows, curves = [], []
     for learner in arguments.learners:
         if learner == "sb3" and (lacking := missing(*NEEDS)):
@@ -75,7 +75,7 @@ def main() -> None:
 
 
 def measure(learner: str, overrides: tuple[str, ...], budget: float, every: float) -> tuple[Row, list[Row]]:
-    """The row of a learner, and its curve."""
+    """The row of a learner and its curve."""
     config = compose(*overrides)
     torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed)
@@ -98,7 +98,7 @@ def measure(learner: str, overrides: tuple[str, ...], budget: float, every: floa
 
 
 class Judge:
-    """Evaluates a policy in training now and then, and tells when its time is up. Its own time does not count."""
+    """Evaluates a policy during training and ends the training when the budget is spent. Evaluations do not count."""
 
     def __init__(self, learner: str, config: TrainConfig, budget: float, every: float) -> None:
         self._learner, self._config, self._budget, self._every = learner, config, budget, every
@@ -106,14 +106,14 @@ class Judge:
         self._env = HeadTrackingEnv(trial, config.seed, config.device)
         self._env.warm_up()
         self.curve: list[Row] = []
-        """One row an evaluation."""
+        """One row per evaluation."""
 
     def start(self) -> None:
-        """Training begins."""
+        """Start the clock."""
         self._since, self._due = time.perf_counter(), self._every
 
     def over(self, samples: int, policy: Policy) -> bool:
-        """To be asked after each update: whether the budget is spent."""
+        """Whether the budget is spent; called after each update."""
         if self._config.device.startswith("cuda"):
             torch.cuda.synchronize()
         now = time.perf_counter()
@@ -146,7 +146,7 @@ class _TimeUpError(Exception):
 
 
 class _JudgedLearner(Learner):
-    """Ours, judged where rsl-rl offers to save: after every iteration. Without a judge it goes by the first process."""
+    """Our learner, evaluated where rsl-rl saves, after each iteration. A process without a judge follows the first."""
 
     judge: Judge | None
 
@@ -169,7 +169,7 @@ def _ours(config: TrainConfig, judge: Judge) -> int:
 
 
 def _share(config: TrainConfig, judge: Judge | None) -> None:
-    """What each process of our training does; posture/train.py without its folder, resume and evaluation."""
+    """One process of our training: posture/train.py without run folder, resume and evaluation."""
     part = parallel.rank(), parallel.size()
     torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed + part[0])
@@ -186,7 +186,7 @@ def _share(config: TrainConfig, judge: Judge | None) -> None:
 
 
 def _sb3(config: TrainConfig, judge: Judge) -> int:
-    from sb3 import build, learn  # only here, since it may not be installed
+    from sb3 import build, learn  # imported here because it is optional
 
     processes = min(os.cpu_count() or 1, config.env.num_envs)
     model = build(config, processes)

@@ -1,11 +1,11 @@
-"""What the page of posture.play takes: real-time factor, frames, and processor time of its process.
+"""Cost of the live page of posture.play: real-time factor, frame rate, and CPU use of the server.
 
     python benchmarks/play.py [--seconds 30] [--visitors 1] [--csv benchmarks/play.csv]
 
-Visitors are headless Chromium windows, which render in software and so take far more than the page's own process; they start
-first and count for nothing. One row a state: the default policy held at 0.3 Hz, in a ramp, and the model-based controller
-in a ramp, which plans anew all the time. CPU is that of the serving process, 100 % a core; the process that
-computes the theory is not counted.
+Visitors are headless Chromium windows. They render in software, which costs far more than the server; their CPU time is not
+counted. One row per state: the default policy at 0.3 Hz, the default policy in a ramp, and the model-based controller in a
+ramp, which replans continuously. CPU is that of the server process, 100 % per core, without the process that computes the
+theory.
 """
 
 import argparse
@@ -29,7 +29,7 @@ SETTLE_S = 8.0
 
 
 def main() -> None:
-    """Measure, print and write."""
+    """Measure, print and write the rows."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--visitors", type=int, default=1)
@@ -64,7 +64,7 @@ def main() -> None:
 
 
 def measure(visitors: list[Any], windows: list[Any], seconds: float) -> dict[str, Any]:
-    """One row; of several visitors the slowest."""
+    """One row; with several visitors that of the slowest."""
     count = (
         "new Promise(r => {let n = 0; const t = performance.now(); const f = () => {n++; const d = performance.now() - t; "
     )

@@ -1,4 +1,4 @@
-"""Stable-Baselines3's PPO on a `Pool` of Gymnasium standers, with our numbers where it has them."""
+"""Stable-Baselines3's PPO on a `Pool` of Gymnasium environments, with our hyperparameters where it has them."""
 
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -17,7 +17,7 @@ from posture.evaluation.rollout import Policy
 
 
 class PoolVecEnv(VecEnv):
-    """A `Pool` as SB3 wants it."""
+    """A `Pool` with the interface of SB3."""
 
     def __init__(self, config: TrainConfig, processes: int) -> None:
         one = StanderEnv(config.env)
@@ -25,7 +25,7 @@ class PoolVecEnv(VecEnv):
         self._pool = Pool(config.env, self.num_envs, processes, config.seed, config.training_steps)
 
     def reset(self) -> np.ndarray:
-        return self._pool.observation  # SB3 asks once, at the start, where every world stands anyway
+        return self._pool.observation  # called once, when every world has just been reset
 
     def step_async(self, actions: np.ndarray) -> None:
         self._actions = actions
@@ -40,7 +40,7 @@ class PoolVecEnv(VecEnv):
     def close(self) -> None:
         self._pool.close()
 
-    # What SB3 may ask of single worlds, and PPO does not but for the way they are drawn.
+    # Abstract methods for single worlds. PPO only reads the render mode.
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         return [None for _ in self._get_indices(indices)]
@@ -56,14 +56,14 @@ class PoolVecEnv(VecEnv):
 
 
 def build(config: TrainConfig, processes: int) -> PPO:
-    """An untrained model, its worlds in `processes` processes."""
+    """An untrained model that steps its worlds in `processes` processes."""
     agent, algorithm = config.agent, config.agent.algorithm
     envs = VecNormalize(
         PoolVecEnv(config, processes),
         norm_obs=agent.actor.obs_normalization,
         norm_reward=False,
         clip_obs=np.inf,
-        epsilon=1e-4,  # of the variance, as rsl-rl's 0.01 of the standard deviation
+        epsilon=1e-4,  # added to the variance; rsl-rl adds 0.01 to the standard deviation
     )
     return PPO(
         "MlpPolicy",
@@ -90,7 +90,7 @@ def build(config: TrainConfig, processes: int) -> PPO:
 
 
 def learn(model: PPO, over: Callable[[int, Policy], bool], config: TrainConfig) -> None:
-    """Train until `over(samples, policy)`, asked after every update, says so."""
+    """Train until `over(samples, policy)`, called after each update, is true."""
     groups = list(config.env.observations)
     envs = model.get_vec_normalize_env()
     assert envs is not None
@@ -100,7 +100,7 @@ def learn(model: PPO, over: Callable[[int, Policy], bool], config: TrainConfig) 
         actions, _ = model.predict(envs.normalize_obs(seen), deterministic=True)
         return torch.from_numpy(actions).to(config.device)
 
-    class Asked(BaseCallback):
+    class UntilOver(BaseCallback):
         spent = False
 
         def _on_rollout_start(self) -> None:
@@ -109,5 +109,5 @@ def learn(model: PPO, over: Callable[[int, Policy], bool], config: TrainConfig) 
         def _on_step(self) -> bool:
             return not self.spent
 
-    model.learn(10**12, callback=Asked())
+    model.learn(10**12, callback=UntilOver())
     model.get_env().close()

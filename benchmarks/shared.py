@@ -1,4 +1,4 @@
-"""What the benchmarks share: configuration, clock, a process of one's own for a measurement, and the CSV file."""
+"""Shared by the benchmarks: configuration, clock, measurement in a fresh process, CSV file."""
 
 import csv
 import multiprocessing
@@ -24,7 +24,7 @@ def compose(*overrides: str) -> TrainConfig:
 
 
 def timed(device: str, work: Callable[[], Any]) -> float:
-    """Seconds that `work()` takes, on a GPU until it is really done."""
+    """Wall time of `work()` [s], including the work that it leaves to a GPU."""
     finish(device)
     start = time.perf_counter()
     work()
@@ -40,9 +40,9 @@ def finish(device: str) -> None:
 
 
 def memory(device: str) -> int | None:
-    """Bytes in use: on a GPU in all; else by this process, and by those that it started beyond what they share with it.
+    """Memory in use [bytes]: all of a GPU's; otherwise that of this process, plus the private memory of its child processes.
 
-    None where the system does not tell (it needs Linux).
+    None on systems other than Linux.
     """
     if device.startswith("cuda"):
         free, total = torch.cuda.mem_get_info(device)
@@ -67,19 +67,19 @@ def alone(function: Callable[..., Any], *arguments: Any) -> Any:
 
 
 def hardware(device: str) -> dict[str, Any]:
-    """The columns that say what was measured on."""
+    """The columns that describe the hardware."""
     name = torch.cuda.get_device_name(device) if device.startswith("cuda") else platform.machine()
     return {"device": name, "cores": os.cpu_count()}
 
 
 def missing(*packages: str) -> str:
-    """How to get those of `packages` that are not installed; empty if all are."""
+    """How to install those of `packages` that are missing; empty if all are installed."""
     lacking = " ".join(package for package in packages if find_spec(package.replace("-", "_")) is None)
-    return f"left out; it needs: python -m pip install -c constraints.txt {lacking}" if lacking else ""
+    return f"left out; install: python -m pip install -c constraints.txt {lacking}" if lacking else ""
 
 
 def write(rows: Sequence[dict[str, Any]], path: Path) -> None:
-    """One line a row, None as an empty field; no file without rows."""
+    """Write a CSV file with one line per row, None as an empty field. Without rows no file is written."""
     if not rows:
         return
     with path.open("w", newline="", encoding="utf-8") as file:

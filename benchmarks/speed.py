@@ -1,10 +1,10 @@
-"""How fast the environment steps, and where a training iteration spends its time.
+"""Speed of the environment, and how the time of a training iteration divides.
 
     python benchmarks/speed.py [--worlds 64 512 2048] [--csv benchmarks/speed.csv]
 
-Prints and writes one row a number of worlds: control steps/s of the environment alone under random actions, and the shares
+Prints and writes one row per number of worlds: control steps/s of the environment alone under random actions, and the shares
 of physics, of observation and reward, and of learning (policy, value function and PPO update) in a training iteration.
-All rows are of one run; compare ratios, since machines differ and drift.
+All rows are from one run. Compare ratios, since the speed of a machine drifts.
 """
 
 import argparse
@@ -23,7 +23,7 @@ STEPS, ITERATIONS = 64, 4
 
 
 def main() -> None:
-    """Measure, print and write."""
+    """Measure, print and write the rows."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--worlds", type=int, nargs="+", default=[64, 512, 2048])
     parser.add_argument("--device", default="cpu")

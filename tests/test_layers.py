@@ -21,27 +21,8 @@ LIGHT = [
 ]
 SIMULATORS = ["torch", "warp", "newton", "mujoco"]
 
-# Still to be done.
 NEEDS_A_SIMULATOR = {
-    "posture.cli.entry",
-    "posture.cli.jobs",
-    "posture.cli.sweep",
-    "posture.config.environment",
-    "posture.config.eval",
-    "posture.config.export",
-    "posture.config.film",
-    "posture.config.play",
-    "posture.config.theory",
-    "posture.config.train",
-    "posture.storage.checkpoint",
-    "posture.storage.provenance",
-    "posture.storage.run_dir",
-    "posture.drawing.silhouette",
     "posture.reproduce.collect",
-    "posture.reproduce.figures.draw",
-    "posture.reproduce.figures.traces",
-    "posture.reproduce.page.report",
-    "posture.reproduce.ship",
 }
 
 # Prints, for each module named on the command line that does not import where no simulator is installed, which one it wants.

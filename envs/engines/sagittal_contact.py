@@ -96,7 +96,7 @@ def solve(a: mat5, b: vec5) -> vec5:
 
 
 @wp.func
-def pushing(r: vec6, weight: vec4) -> int:
+def active_edges(r: vec6, weight: vec4) -> int:
     """Which edges push, a bit each: n + t, n - t, n of heel and toe, then the limits of hip and ankle."""
     edges = int(0)
     if weight[0] > 0.0:
@@ -126,7 +126,7 @@ def bit(edges: int, place: int) -> float:
 
 
 @wp.func
-def push(edges: int, r: vec6, weight: vec4) -> vec6:
+def edge_forces(edges: int, r: vec6, weight: vec4) -> vec6:
     """What the pushing edges add up to along the six rows, with residuals r: minus the gradient of their cost."""
     heel_plus = -2.0 * weight[0] * bit(edges, 0) * (r[0] + r[1])
     heel_minus = -2.0 * weight[0] * bit(edges, 1) * (r[0] - r[1])
@@ -145,7 +145,7 @@ def push(edges: int, r: vec6, weight: vec4) -> vec6:
 
 
 @wp.func
-def stiffened(mass: mat5, edges: int, rows: mat65, weight: vec4) -> mat5:
+def hessian(mass: mat5, edges: int, rows: mat65, weight: vec4) -> mat5:
     """Second derivative of the cost by the accelerations, with those edges pushing."""
     h = mass
     for end in range(2):
@@ -164,16 +164,16 @@ def stiffened(mass: mat5, edges: int, rows: mat65, weight: vec4) -> mat5:
 
 
 @wp.func
-def search(slope: float, curvature: float, r: vec6, dr: vec6, weight: vec4) -> float:
+def line_search(slope: float, curvature: float, r: vec6, dr: vec6, weight: vec4) -> float:
     """Length of the step that minimises the cost along it; slope and curvature are those of its smooth part at 0."""
     low = float(0.0)
     high = float(1.0)
     alpha = float(1.0)
     for _ in range(20):
         at = r + alpha * dr
-        edges = pushing(at, weight)
-        derivative = slope + alpha * curvature - wp.dot(push(edges, at, weight), dr)
-        second = curvature - wp.dot(push(edges, dr, weight), dr)
+        edges = active_edges(at, weight)
+        derivative = slope + alpha * curvature - wp.dot(edge_forces(edges, at, weight), dr)
+        second = curvature - wp.dot(edge_forces(edges, dr, weight), dr)
         if derivative > 0.0:
             high = alpha
         else:
@@ -193,17 +193,17 @@ def search(slope: float, curvature: float, r: vec6, dr: vec6, weight: vec4) -> f
 def accelerate(mass: mat5, force: vec5, start: vec5, rows: mat65, bias: vec6, weight: vec4, iterations: int) -> vec5:
     """The accelerations that minimise the cost, sought from `start`."""
     a = start
-    edges = pushing(rows * a + bias, weight)
+    edges = active_edges(rows * a + bias, weight)
     for _ in range(iterations):
-        h = stiffened(mass, edges, rows, weight)
-        new = solve(h, force + push(edges, bias, weight) * rows)
-        now = pushing(rows * new + bias, weight)
+        h = hessian(mass, edges, rows, weight)
+        new = solve(h, force + edge_forces(edges, bias, weight) * rows)
+        now = active_edges(rows * new + bias, weight)
         if now == edges:
             a = new
             break
         step = new - a
         along = mass * step
         slope = wp.dot(along, a) - wp.dot(step, force)
-        a += search(slope, wp.dot(along, step), rows * a + bias, rows * step, weight) * step
-        edges = pushing(rows * a + bias, weight)
+        a += line_search(slope, wp.dot(along, step), rows * a + bias, rows * step, weight) * step
+        edges = active_edges(rows * a + bias, weight)
     return a

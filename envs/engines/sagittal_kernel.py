@@ -4,7 +4,7 @@ Left and right get the same command, so they move as one and the motion stays in
 HAT (1), both legs (2) and both feet (3), with five coordinates: place p = (x, z) of the HAT's frame and the forward
 pitches th1, th2, th3. The equations are those that MuJoCo solves for the full body (its documentation, "Computation"),
 written for this motion; nothing is approximated besides, and the two engines differ by rounding alone
-(tests/test_sagittal.py).
+(tests/envs/engines/test_sagittal.py).
 
 Kinematics. R(th) v = (vx cos th + vz sin th, vz cos th - vx sin th) turns the body's own x-z to the world's; its
 derivative by th is (Rv)' = ((Rv)_z, -(Rv)_x), and the second is -Rv. With b1 from HAT frame to hip, b2 from hip to ankle,
@@ -41,11 +41,11 @@ import warp as wp
 from envs.engines.sagittal_contact import (
     Softness,
     accelerate,
+    active_edges,
+    edge_forces,
     impedance,
     mat5,
     mat65,
-    push,
-    pushing,
     solve,
     vec4,
     vec5,
@@ -85,23 +85,23 @@ class Body:
 
 
 @wp.func
-def turned(v: wp.vec2, c: float, s: float) -> wp.vec2:
+def rotated(v: wp.vec2, c: float, s: float) -> wp.vec2:
     return wp.vec2(v[0] * c + v[1] * s, v[1] * c - v[0] * s)
 
 
 @wp.func
-def crossed(v: wp.vec2, w: wp.vec2) -> float:
+def cross_y(v: wp.vec2, w: wp.vec2) -> float:
     return v[1] * w[0] - v[0] * w[1]
 
 
 @wp.func
-def swept(v: wp.vec2, c: float, s: float, rate: float) -> wp.vec2:
+def turning_velocity(v: wp.vec2, c: float, s: float, rate: float) -> wp.vec2:
     """Velocity of the end of a vector that turns by `rate` [rad/s]."""
     return wp.vec2(rate * (v[1] * c - v[0] * s), -rate * (v[0] * c + v[1] * s))
 
 
 @wp.func
-def show_body(
+def write_body(
     world: int,
     index: int,
     at: wp.vec2,
@@ -118,7 +118,7 @@ def show_body(
 
 
 @wp.func
-def show(
+def write_outputs(
     world: int,
     body: Body,
     at: vec5,
@@ -136,21 +136,21 @@ def show(
     c3 = wp.cos(at[4])
     s3 = wp.sin(at[4])
     hat = wp.vec2(at[0], at[1])
-    hip = hat + turned(body.hip, c1, s1)
-    ankle = hip + turned(body.ankle, c2, s2)
-    leg = hip + turned(body.leg_frame, c2, s2)
-    foot = ankle + turned(body.foot_frame, c3, s3)
+    hip = hat + rotated(body.hip, c1, s1)
+    ankle = hip + rotated(body.ankle, c2, s2)
+    leg = hip + rotated(body.leg_frame, c2, s2)
+    foot = ankle + rotated(body.foot_frame, c3, s3)
     hat_v = wp.vec2(speed[0], speed[1])
-    hip_v = hat_v + swept(body.hip, c1, s1, speed[2])
-    ankle_v = hip_v + swept(body.ankle, c2, s2, speed[3])
-    hat_v += swept(body.hat_com, c1, s1, speed[2])
-    leg_v = hip_v + swept(body.leg_com, c2, s2, speed[3])
-    foot_v = ankle_v + swept(body.foot_com, c3, s3, speed[4])
-    show_body(world, 0, hat, 0.0, at[2], hat_v, speed[2], body_pose, body_velocity)
+    hip_v = hat_v + turning_velocity(body.hip, c1, s1, speed[2])
+    ankle_v = hip_v + turning_velocity(body.ankle, c2, s2, speed[3])
+    hat_v += turning_velocity(body.hat_com, c1, s1, speed[2])
+    leg_v = hip_v + turning_velocity(body.leg_com, c2, s2, speed[3])
+    foot_v = ankle_v + turning_velocity(body.foot_com, c3, s3, speed[4])
+    write_body(world, 0, hat, 0.0, at[2], hat_v, speed[2], body_pose, body_velocity)
     for side in range(2):
         y = 1.0 - 2.0 * float(side)
-        show_body(world, 1 + 2 * side, leg, y * body.half_width[0], at[3], leg_v, speed[3], body_pose, body_velocity)
-        show_body(world, 2 + 2 * side, foot, y * body.half_width[1], at[4], foot_v, speed[4], body_pose, body_velocity)
+        write_body(world, 1 + 2 * side, leg, y * body.half_width[0], at[3], leg_v, speed[3], body_pose, body_velocity)
+        write_body(world, 2 + 2 * side, foot, y * body.half_width[1], at[4], foot_v, speed[4], body_pose, body_velocity)
         joint_angle[world, 2 * side] = at[3] - at[2]
         joint_angle[world, 2 * side + 1] = at[4] - at[3]
         joint_velocity[world, 2 * side] = speed[3] - speed[2]
@@ -216,7 +216,7 @@ def advance(
 
     hip_moment = float(0.0)
     ankle_moment = float(0.0)
-    pushed = vec6()
+    forces = vec6()
     heel_at = wp.vec2()
     toe_at = wp.vec2()
     foot_c = float(1.0)
@@ -229,11 +229,11 @@ def advance(
         s2 = wp.sin(at[3])
         c3 = wp.cos(at[4])
         s3 = wp.sin(at[4])
-        b1 = turned(body.hip, c1, s1)
-        b2 = turned(body.ankle, c2, s2)
-        w1 = turned(e1, c1, s1)
-        w2 = turned(e2, c2, s2)
-        w3 = turned(e3, c3, s3)
+        b1 = rotated(body.hip, c1, s1)
+        b2 = rotated(body.ankle, c2, s2)
+        w1 = rotated(e1, c1, s1)
+        w2 = rotated(e2, c2, s2)
+        w3 = rotated(e3, c3, s3)
 
         m12 = wp.dot(b1, w2)
         m13 = wp.dot(b1, w3)
@@ -255,9 +255,9 @@ def advance(
         t1 = speed[2] * speed[2]
         t2 = speed[3] * speed[3]
         t3 = speed[4] * speed[4]
-        x12 = crossed(b1, w2)
-        x13 = crossed(b1, w3)
-        x23 = crossed(b2, w3)
+        x12 = cross_y(b1, w2)
+        x13 = cross_y(b1, w3)
+        x23 = cross_y(b2, w3)
         force = vec5(
             w1[0] * t1 + w2[0] * t2 + w3[0] * t3,
             w1[1] * t1 + w2[1] * t2 + w3[1] * t3 - total * g,
@@ -267,8 +267,8 @@ def advance(
         )
 
         # Constraints: rows, biases and weights of the heel, the toe, and the limits of hip and ankle.
-        heel_at = turned(body.heel, c3, s3)
-        toe_at = turned(body.toe, c3, s3)
+        heel_at = rotated(body.heel, c3, s3)
+        toe_at = rotated(body.toe, c3, s3)
         ankle_z = at[1] + b1[1] + b2[1]
         heel_gap = ankle_z + heel_at[1] - body.sole_radius
         toe_gap = ankle_z + toe_at[1] - body.sole_radius
@@ -320,7 +320,7 @@ def advance(
         )
         guess = accelerate(mass, force, guess, rows, bias, weight, iterations)
         residual = rows * guess + bias
-        pushed = push(pushing(residual, weight), residual, weight)
+        forces = edge_forces(active_edges(residual, weight), residual, weight)
         foot_c = c3
         foot_s = s3
 
@@ -336,19 +336,19 @@ def advance(
         at += dt * speed
 
     # A diverged world is marked, and its memory left as it was before the step.
-    sound = wp.max(wp.abs(speed)) < top_speed and wp.isfinite(speed) and wp.isfinite(at)
-    diverged[world] = not sound
-    if not sound:
+    finite_and_slow = wp.max(wp.abs(speed)) < top_speed and wp.isfinite(speed) and wp.isfinite(at)
+    diverged[world] = not finite_and_slow
+    if not finite_and_slow:
         return
     q[world] = at
     qd[world] = speed
     qdd[world] = guess
-    show(world, body, at, speed, joint_angle, joint_velocity, body_pose, body_velocity)
+    write_outputs(world, body, at, speed, joint_angle, joint_velocity, body_pose, body_velocity)
     # The rows of friction carry mu; a side has half of everything.
-    heel_force = wp.vec3(0.5 * mu * pushed[1], 0.0, 0.5 * pushed[0])
-    toe_force = wp.vec3(0.5 * mu * pushed[3], 0.0, 0.5 * pushed[2])
-    heel_local = turned(heel_at, foot_c, -foot_s) - body.foot_frame
-    toe_local = turned(toe_at, foot_c, -foot_s) - body.foot_frame
+    heel_force = wp.vec3(0.5 * mu * forces[1], 0.0, 0.5 * forces[0])
+    toe_force = wp.vec3(0.5 * mu * forces[3], 0.0, 0.5 * forces[2])
+    heel_local = rotated(heel_at, foot_c, -foot_s) - body.foot_frame
+    toe_local = rotated(toe_at, foot_c, -foot_s) - body.foot_frame
     for foot in range(2):
         sole_force[world, foot, 0] = heel_force
         sole_force[world, foot, 1] = toe_force
@@ -359,7 +359,7 @@ def advance(
 
 
 @wp.kernel(enable_backward=False)
-def place(
+def write_all_outputs(
     body: Body,
     q: wp.array[vec5],
     qd: wp.array[vec5],
@@ -370,4 +370,4 @@ def place(
 ) -> None:
     """Joints and bodies of every world from its planar coordinates."""
     world = wp.tid()
-    show(world, body, q[world], qd[world], joint_angle, joint_velocity, body_pose, body_velocity)
+    write_outputs(world, body, q[world], qd[world], joint_angle, joint_velocity, body_pose, body_velocity)

@@ -36,7 +36,7 @@ from posture.config.published import CONF, without_published
 from posture.config.reading import read
 from posture.config.train import TrainConfig
 from posture.storage import run_dir
-from posture.storage.code_version import envs_version
+from posture.storage.provenance import library_versions, training_code
 
 Config = TypeVar("Config", bound=BaseModel)
 
@@ -220,9 +220,9 @@ def override_slug(overrides: str) -> str:
 
 
 def identity(config: TrainConfig) -> str:
-    """Eight hexadecimal digits that identify a training: by its configuration and the code of the physics and the task."""
+    """Eight hexadecimal digits that identify a training: its configuration, its code and the libraries."""
     own = config.model_dump(mode="json", include=DECIDES_THE_POLICY)
-    text = json.dumps([own, envs_version()], sort_keys=True)
+    text = json.dumps([own, training_code(), library_versions()], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:8]
 
 

@@ -85,7 +85,7 @@ class ReportConfig(Strict):
 
 
 class ReproduceConfig(Strict):
-    """Everything that `posture.reproduce` is configured with."""
+    """Configuration of `posture.reproduce`."""
 
     seeds: Annotated[int, Field(ge=1, le=1000)]
     stages: Annotated[tuple[Stage, ...], Field(min_length=1)]

@@ -18,7 +18,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import mujoco
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
@@ -36,6 +35,8 @@ DOT_RADIUS, TARGET_RADIUS = 0.018, 0.03  # of the marks, not of the body [m]
 NECK_WIDTH = 0.6  # as a share of the shoulders' radius
 
 PALENESS = (0.45, 0.65, 0.0, 0.2)  # of trunk, head, leg and foot, arm: from back to front, 1 is white
+
+_PLANE, _SPHERE, _CAPSULE = 0, 2, 3  # mujoco.mjtGeom
 
 NEAR = "_right"
 SIDES = ("_left", NEAR)
@@ -91,7 +92,7 @@ def solids(hip: float, ankle: float, foot_x: float = 0.0) -> dict[str, dict[str,
     for i in range(model.ngeom):
         geom = model.geom(i)
         body, far = model.body(geom.bodyid[0]).name, geom.name.endswith(SIDES) and not geom.name.endswith(NEAR)
-        if far or geom.contype[0] or geom.type[0] == mujoco.mjtGeom.mjGEOM_PLANE:
+        if far or geom.contype[0] or geom.type[0] == _PLANE:
             continue
         if body == "hat":
             part = "head" if geom.name == "head" else "arm" if geom.name.endswith(NEAR) else "trunk"
@@ -178,6 +179,8 @@ def draw_phases(
 @cache
 def _model() -> Any:
     """The body as MuJoCo reads it; its file is found without importing `envs`, which needs the simulator."""
+    import mujoco  # only where a body is drawn: figures without one need no simulator
+
     spec = find_spec("envs")
     if spec is None or spec.origin is None:
         raise ModuleNotFoundError("the package envs, which holds humanoid.xml, is not installed")
@@ -190,6 +193,8 @@ def _pose(hip: float, ankle: float, foot_x: float) -> Any:
     Pitch [rad] about +y adds up from the root down: foot = HAT + hip + ankle. A flat foot has none, which gives the HAT's;
     then the whole is moved to bring the sole to its place.
     """
+    import mujoco
+
     model = _model()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -222,9 +227,9 @@ def _layers(hip: float, ankle: float, foot_x: float, shift: float) -> list[tuple
 def _projection(geom: Any, placed: Any) -> Solid:
     """A sphere or capsule, seen along y. ValueError for another type."""
     x, _, z = placed.xpos
-    if geom.type[0] == mujoco.mjtGeom.mjGEOM_SPHERE:
+    if geom.type[0] == _SPHERE:
         return (Disc(x, z, geom.size[0]),)
-    if geom.type[0] != mujoco.mjtGeom.mjGEOM_CAPSULE:
+    if geom.type[0] != _CAPSULE:
         raise ValueError(f"geom {geom.name} is neither a sphere nor a capsule, and nothing else can be drawn")
     half_x, _, half_z = geom.size[1] * placed.xmat.reshape(3, 3)[:, 2]
     return Disc(x - half_x, z - half_z, geom.size[0]), Disc(x + half_x, z + half_z, geom.size[0])

@@ -29,7 +29,6 @@ from posture.learning.networks import load_policy
 from posture.learning.progress import preparing
 from posture.storage import checkpoint, provenance, run_dir, yaml_files
 from posture.storage.atomic import replacing
-from posture.storage.code_version import analysis_version, envs_version
 from posture.theory.lqr import plan
 from posture.theory.prediction import predict
 from posture.theory.program import InfeasibleError
@@ -161,9 +160,9 @@ def _policy_record(model: Path, run: TrainConfig) -> dict[str, Any]:
         "policy": str(model),
         "policy_sha256": hashlib.sha256(model.read_bytes()).hexdigest(),
         "seed": run.seed,
-        "envs_version": envs_version(),
-        "analysis_version": analysis_version(),
-        "versions": provenance.versions(),
+        "training_code": provenance.training_code(),
+        "analysis_code": provenance.analysis_code(),
+        "versions": provenance.library_versions(),
         "window_steps": read_published().experiment_4a.window_steps,
     }
 

@@ -1,52 +1,47 @@
-"""One process at a time in a folder: a lock that ends with the process that holds it, however that ends."""
+"""One process at a time in a folder: a lock that ends with its process, however the process ends."""
 
 import contextlib
-import fcntl
 import os
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
-from posture.config.errors import ConfigError
+from filelock import FileLock, Timeout
 
-NAME = ".lock"
-_held: set[Path] = set()
+from posture.config.errors import ConfigError
 
 
 @contextlib.contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Within it no other process has the lock of `folder`, which is made if need be. Raises ConfigError where one has it.
+    """Hold the lock of `folder`, which is created if necessary. Raises ConfigError if another process holds it.
 
-    Within itself it does nothing. Of the processes that torchrun starts the first alone takes the lock.
+    A process may take a lock that it already holds. Of the processes that torchrun starts only the first takes it.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    place = folder.resolve()
-    if place in _held or os.environ.get("RANK", "0") != "0":
+    if os.environ.get("RANK", "0") != "0":
         yield
         return
-    with (folder / NAME).open("ab") as file:  # never removed: who waits for an old file would not see a new one
-        if not _take(file.fileno()):
-            raise ConfigError(f"{folder}: another process is at work in it; wait for it, or stop it")
-        _held.add(place)
-        try:
-            yield
-        finally:
-            _held.discard(place)
+    try:
+        acquired = _lock(folder.resolve()).acquire(blocking=False)
+    except Timeout:
+        raise ConfigError(f"{folder}: another process is using this folder; wait for it, or stop it") from None
+    with acquired:
+        yield
 
 
 def is_busy(folder: Path) -> bool:
-    """Whether another process has the lock of `folder`."""
-    try:
-        with (folder / NAME).open("rb") as file:
-            return folder.resolve() not in _held and not _take(file.fileno())
-    except OSError:
+    """Whether another process holds the lock of `folder`."""
+    lock = _lock(folder.resolve())
+    if lock.is_locked or not Path(lock.lock_file).exists():
         return False
+    try:
+        with lock.acquire(blocking=False):
+            return False
+    except Timeout:
+        return True
 
 
-def _take(file: int) -> bool:
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:
-        return True  # a file system without locks: then it goes without
-    return True
+@cache
+def _lock(folder: Path) -> FileLock:
+    """The lock of a folder, always the same object, so that it counts how often this process holds it."""
+    return FileLock(folder / ".lock", thread_local=False)

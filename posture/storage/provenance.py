@@ -1,69 +1,139 @@
-"""What a run was made by: its command, versions, commit and code, of each of its starts."""
+"""What made a result: command, commit, library versions, and digests of the source code that decides it.
 
+A digest changes with the code of the packages that take part, and with nothing that leaves results alone: not with comments,
+docstrings, layout, type annotations, messages of errors, printed text, or the range checks of envs/config.py and
+posture/config/. Digests of different minor versions of Python differ, since they are computed from its syntax tree.
+"""
+
+import ast
 import datetime
+import hashlib
 import importlib.metadata
 import platform
 import subprocess
 import sys
+from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
 from posture.storage import yaml_files
-from posture.storage.code_version import envs_version
 from posture.storage.migration import VERSION
-from posture.storage.yaml_files import write_yaml
 
-PACKAGES = ("posture", "newton", "warp-lang", "mujoco", "mujoco-warp", "rsl-rl-lib", "torch", "hydra-core", "numpy")
+ROOT = Path(__file__).resolve().parents[2]
+TRAINING = ("envs/task", "envs/body", "envs/engines", "posture/learning")
+"""Packages that decide what a training learns."""
+ANALYSIS = ("posture/analysis", "posture/evaluation", "posture/theory")
+"""Packages that decide what an evaluation measures, and what theory predicts beside it."""
+PRESENTATION = ("__main__.py", "figures.py", "progress.py", "table.py", "tables.py")
+"""Files of these packages that only show results."""
+LIBRARIES = ("newton", "warp-lang", "mujoco", "mujoco-warp", "rsl-rl-lib", "torch", "numpy", "scipy", "clarabel")
+"""Libraries whose version decides a result."""
 
 
 def write_config(run: Path, config: TrainConfig) -> None:
-    """Keep the resolved configuration, and add the versions, commit and command of this start to its provenance."""
-    write_yaml(run / "config.yaml", {"version": VERSION, **config.model_dump(mode="json")})
-    so_far = starts(run)
-    so_far.append(
-        {
-            "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
-            "started": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-            "git_commit": _git_commit(),
-            "envs_version": envs_version(),
-            "python": platform.python_version(),
-            "platform": platform.platform(),
-            "versions": versions(),
-        }
-    )
-    write_yaml(run / "provenance.yaml", so_far)
-
-
-def versions() -> dict[str, str]:
-    """Installed versions of the packages that results depend on."""
-    return {name: importlib.metadata.version(name) for name in PACKAGES}
+    """Save the resolved configuration in the folder `run`, and add this start to its provenance.yaml."""
+    yaml_files.write_yaml(run / "config.yaml", {"version": VERSION, **config.model_dump(mode="json")})
+    start = {
+        "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
+        "started": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "git_commit": _git_commit(),
+        "training_code": training_code(),
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "versions": {"posture": importlib.metadata.version("posture"), **library_versions()},
+    }
+    yaml_files.write_yaml(run / "provenance.yaml", [*starts(run), start])
 
 
 def starts(run: Path) -> list[Any]:
-    """What provenance.yaml says of the starts so far; empty without one. Raises ConfigError where it is no list."""
+    """The starts of a run so far, from its provenance.yaml, if any. Raises ConfigError unless that is a list."""
     path = run / "provenance.yaml"
     starts = yaml_files.read(path) if path.exists() else []
     if not isinstance(starts, list):
-        raise ConfigError(f"{path}: not a list of the run's starts; move it away, and a new one begins")
+        raise ConfigError(f"{path}: not a list of the run's starts; move the file away to begin a new one")
     return starts
 
 
+@cache
+def library_versions() -> dict[str, str]:
+    """Installed versions of the libraries that decide a result."""
+    return {name: importlib.metadata.version(name) for name in LIBRARIES}
+
+
+@cache
+def training_code() -> str:
+    """Digest of the code that decides what is learned, twelve hexadecimal digits."""
+    return _digest(source_files(TRAINING))
+
+
+@cache
+def analysis_code() -> str:
+    """Digest of the code that decides what is measured, twelve hexadecimal digits."""
+    return _digest(source_files(ANALYSIS))
+
+
+def source_files(packages: Sequence[str]) -> list[Path]:
+    """Source files and body models of `packages`, without those that only show results."""
+    found = [path for package in packages for path in (ROOT / package).rglob("*") if path.suffix in (".py", ".xml")]
+    return sorted(path for path in found if path.name not in PRESENTATION)
+
+
+def _digest(paths: Sequence[Path]) -> str:
+    digest = hashlib.sha256()
+    for path in paths:
+        content = path.read_bytes()
+        if path.suffix == ".py":
+            content = ast.dump(_Reduce().visit(ast.parse(content))).encode()
+        digest.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + content + b"\0")
+    return digest.hexdigest()[:12]
+
+
+class _Reduce(ast.NodeTransformer):
+    """Removes from a syntax tree what does not decide a result."""
+
+    def visit_Expr(self, node: ast.Expr) -> ast.AST | None:  # noqa: N802 - ast's name
+        """Remove docstrings and printing."""
+        value = node.value
+        printed = isinstance(value, ast.Call) and isinstance(value.func, ast.Name) and value.func.id == "print"
+        return None if printed or isinstance(value, ast.Constant) else self.generic_visit(node)
+
+    def visit_Raise(self, node: ast.Raise) -> ast.AST:  # noqa: N802
+        """Keep the type of an error, not its message."""
+        return ast.Raise(exc=node.exc.func if isinstance(node.exc, ast.Call) else node.exc)
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> ast.AST:  # noqa: N802
+        """Remove the annotation of a variable."""
+        node.annotation = ast.Constant(None)
+        return self.generic_visit(node)
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:  # noqa: N802
+        """Remove the annotations of a function, except of Warp's, which are compiled by their types."""
+        if not _is_warp(node):
+            node.returns = None
+            for argument in ast.walk(node.args):
+                if isinstance(argument, ast.arg):
+                    argument.annotation = None
+        return self.generic_visit(node)
+
+    def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:  # noqa: N802
+        """Keep Warp's structures as they are, since their annotations are their content."""
+        return node if _is_warp(node) else self.generic_visit(node)
+
+
+def _is_warp(node: ast.FunctionDef | ast.ClassDef) -> bool:
+    """Whether a decorator such as `@wp.kernel` makes this Warp's language."""
+    return any(isinstance(part, ast.Name) and part.id == "wp" for line in node.decorator_list for part in ast.walk(line))
+
+
 def _git_commit() -> str | None:
-    """Commit of the checkout this code runs from, with -dirty if it has changes; None where it is installed."""
-    root = Path(__file__).resolve().parents[2]
-    if not (root / ".git").exists():
-        return None  # not the commit of a repository that the environment happens to lie in
+    """Commit of the checkout that this code runs from, with -dirty if it has changes; None outside a checkout."""
+    if not (ROOT / ".git").exists():  # an installed package may lie inside another project's repository
+        return None
     try:
-        told = subprocess.run(
-            ["git", "describe", "--always", "--dirty", "--abbrev=40"],
-            cwd=root,
-            capture_output=True,
-            text=True,
-            timeout=10,
-            check=True,
-        )
+        command = ["git", "describe", "--always", "--dirty", "--abbrev=40"]
+        return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
     except (OSError, subprocess.SubprocessError):
         return None
-    return told.stdout.strip()

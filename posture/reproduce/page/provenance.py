@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
+from typing import Any
 
 from posture.reproduce.page.page import Table
 from posture.reproduce.page.text import HOW_IT_WAS_MADE, LEFT_OUT, MIXED
@@ -50,19 +51,24 @@ def how_it_was_made(trainings: Sequence[Training], commands: Sequence[str]) -> s
         platforms=listed({start["platform"] for start in starts}),
         pythons=listed({start["python"] for start in starts}),
         versions=listed({f"{name} {version}" for start in starts for name, version in start["versions"].items()}),
-        codes=listed({f"`{start['envs_version']}`" for start in starts}),
+        codes=listed({f"`{_code(start)}`" for start in starts}),
         commits=listed({f"`{start['git_commit']}`" for start in starts}),
         commands="\n".join(commands),
     )
 
 
+def _code(start: Mapping[str, Any]) -> str:
+    """Digest of a training's code; trainings of earlier versions have that of the package `envs` only."""
+    return str(start.get("training_code") or start["envs_version"])
+
+
 def _differences(trainings: Sequence[Training]) -> list[str]:
-    """In what the starts of the trainings differ: code of the physics, versions of the libraries."""
+    """In what the starts of the trainings differ: code, versions of the libraries."""
     names: dict[str, dict[str, list[str]]] = {}
     packages = sorted({name for training in trainings for start in training.starts for name in start["versions"]})
     for training in trainings:
         for start in training.starts:
-            values = {"code of the physics and the task": start["envs_version"]}
+            values = {"code of the task, the physics and the learner": _code(start)}
             values |= {name: start["versions"].get(name, "none") for name in packages}
             for what, value in values.items():
                 same = names.setdefault(what, {}).setdefault(str(value), [])

@@ -31,8 +31,8 @@ fitted: masses, lengths and springs are those of the simulated body.
 """
 
 HOW_IT_WAS_MADE = """
-Trained between {first} and {last} on {platforms}, Python {pythons}, with {versions}. Code of the physics and the task:
-{codes}. Commits: {commits}.
+Trained between {first} and {last} on {platforms}, Python {pythons}, with {versions}. Code of the task, the
+physics and the learner: {codes}. Commits: {commits}.
 
 All numbers in the figures are in the CSV files beside this page, with a row for each seed and condition. These commands
 repeat everything; `python -m posture.reproduce` runs all of them and writes this page:

@@ -172,7 +172,7 @@ def test_results_of_other_code_are_left_out_and_named(
     plan, config = made
     first, second = plan.wanted["frequency"]
     path = first.folder / "evaluation" / "trial.yaml"
-    yaml_files.write_yaml(path, yaml_files.read_yaml(path) | {"envs_version": "other"})
+    yaml_files.write_yaml(path, yaml_files.read_yaml(path) | {"training_code": "other"})
     older = Job(second.config, second.folder.with_name("seed-2_older"))
     write_training(older)
     command.report(plan, config.model_copy(update={"out": "other"}))

@@ -107,7 +107,7 @@ def test_a_path_upwards_is_where_it_says(monkeypatch, tmp_path):
 
 # -- two at once -----------------------------------------------------------------------------------------------------
 
-NAME = "import sys, time; from posture.run_dir import folder_for; from pathlib import Path; \
+NAME = "import sys, time; from posture.storage.run_dir import folder_for; from pathlib import Path; \
 time.sleep(max(0, float(sys.argv[1]) - time.time())); f = folder_for('runs', None); Path(f).mkdir(parents=True); print(f)"
 
 
@@ -119,7 +119,7 @@ def test_runs_started_at_the_same_moment_have_folders_of_their_own():
     assert len({folder.rsplit("_", 1)[0] for folder in folders}) <= 2, "they were to be named in the same second"
 
 
-HOLD = "import sys, time; from pathlib import Path; from posture.lock import locked\n\
+HOLD = "import sys, time; from pathlib import Path; from posture.storage.lock import locked\n\
 with locked(Path(sys.argv[1])): print('held', flush=True); time.sleep(100)"
 
 
@@ -138,10 +138,10 @@ def holder(tmp_path):
 def test_a_folder_in_work_is_refused_until_its_process_dies(holder, monkeypatch, capsys):
     job, process = holder
     assert is_busy(job)
-    with pytest.raises(ConfigError, match="another process is at work in it"), locked(job):
+    with pytest.raises(ConfigError, match="another process is using this folder"), locked(job):
         pass
     line = refused(monkeypatch, capsys, "train", *QUICK, f"hydra.run.dir={job}")
-    assert "another process is at work in it" in line and not (job / "config.yaml").exists()
+    assert "another process is using this folder" in line and not (job / "config.yaml").exists()
     process.send_signal(signal.SIGKILL)  # no chance to tidy up
     process.wait()
     assert not is_busy(job)

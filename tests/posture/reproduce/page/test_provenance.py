@@ -10,7 +10,7 @@ from posture.reproduce.reproduction import Training
 
 def start(code: str = "aaaa", newton: str = "1.8.0") -> dict[str, object]:
     about = {"platform": "Linux", "python": "3.11.7", "git_commit": "c0de", "started": "2026-11-25T10:00:00"}
-    return {**about, "envs_version": code, "versions": {"newton": newton, "torch": "2.13.0"}}
+    return {**about, "training_code": code, "versions": {"newton": newton, "torch": "2.13.0"}}
 
 
 TRAININGS = [Training("frequency", f"seed-{seed}", seed, True, 1800.0, [start()]) for seed in range(1, 6)]
@@ -25,7 +25,7 @@ def with_starts(place: int, *starts: dict[str, object]) -> list[Training]:
 @pytest.mark.parametrize(
     ("trainings", "text"),
     [
-        (with_starts(1, start("bbbb")), "the task: `aaaa` in 4 trainings, `bbbb` in 1 training (seed-2). "),
+        (with_starts(1, start("bbbb")), "the learner: `aaaa` in 4 trainings, `bbbb` in 1 training (seed-2). "),
         (with_starts(4, start(newton="1.9.0")), "in newton: `1.8.0` in 4 trainings, `1.9.0` in 1 training (seed-5). "),
         # Resumed by other code.
         (with_starts(0, start(), start("bbbb")), "`aaaa` in 5 trainings, `bbbb` in 1 training (seed-1). "),
@@ -38,6 +38,8 @@ def test_trainings_that_differ_are_named(trainings: list[Training], text: str) -
 
 def test_no_warning_without_differences() -> None:
     assert warnings(TRAININGS, []) == []
+    earlier = start() | {"training_code": None, "envs_version": "aaaa"}  # a training of an earlier version
+    assert warnings(with_starts(0, earlier), []) == []
     unfinished = replace(TRAININGS[1], done=False, starts=[start("bbbb")])
     assert warnings([*TRAININGS, unfinished], []) == []
 

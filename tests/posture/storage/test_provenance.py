@@ -1,0 +1,104 @@
+"""The digests of code change with what decides a result, and with nothing else."""
+
+import shutil
+
+import grimp
+import pytest
+
+from posture.storage import provenance
+from posture.storage.provenance import ANALYSIS, PRESENTATION, ROOT, TRAINING, source_files
+
+NOT_DECIDING = (
+    "envs.config",
+    "posture.config",
+    "posture.storage",
+    "posture.cli",
+    "posture.drawing",
+    "posture.operating_system",
+    *(f"{package.replace('/', '.')}.{name.removesuffix('.py')}" for package in TRAINING + ANALYSIS for name in PRESENTATION),
+)
+"""Modules that training and evaluation import, and whose code decides no result."""
+
+REWARDS, KERNEL, BODY = "envs/task/rewards.py", "envs/engines/sagittal_kernel.py", "envs/body/humanoid.xml"
+
+
+@pytest.fixture
+def digest_after(tmp_path, monkeypatch):
+    """A function: the digest of the training's code after a change of one file."""
+    for package in TRAINING:
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(provenance, "ROOT", tmp_path)
+
+    def digest(file=REWARDS, before="", after=""):
+        path, original = tmp_path / file, (tmp_path / file).read_text()
+        assert before in original
+        path.write_text(original.replace(before, after, 1) if before else original + after)
+        provenance.training_code.cache_clear()
+        try:
+            return provenance.training_code()
+        finally:
+            path.write_text(original)
+
+    yield digest
+    provenance.training_code.cache_clear()
+
+
+FUNCTION = """
+def added(x: float) -> float:
+    '''Something.'''
+    y: float = x
+    if x < 0:
+        raise ValueError("x is negative")
+    print("done")
+    return 2.0 * y
+"""
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("'''Something.'''", "'''Something else.'''"),
+        ("    if x < 0", "    # a comment\n\n    if x < 0"),
+        ("x is negative", "x must not be negative"),
+        ('print("done")', 'print("finished")'),
+        ("x: float) -> float", "x: int) -> int"),
+        ("y: float", "y: int"),
+    ],
+)
+def test_text_and_annotations_do_not_change_the_digest(digest_after, before, after):
+    assert before in FUNCTION
+    assert digest_after(after=FUNCTION.replace(before, after)) == digest_after(after=FUNCTION)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"), [("2.0 * y", "3.0 * y"), ("x < 0", "x <= 0"), ("raise ValueError", "return abs")]
+)
+def test_code_changes_the_digest(digest_after, before, after):
+    assert before in FUNCTION
+    assert digest_after(after=FUNCTION.replace(before, after)) != digest_after(after=FUNCTION)
+
+
+@pytest.mark.parametrize(
+    ("file", "before", "after"), [(KERNEL, ": float", ": wp.float64"), (BODY, 'density="1000"', 'density="999"')]
+)
+def test_types_of_kernels_and_the_body_model_change_the_digest(digest_after, file, before, after):
+    assert digest_after(file, before, after) != digest_after()
+
+
+def test_every_module_that_takes_part_is_in_a_digest():
+    """All that training and evaluation import, directly or through others, but for the modules that decide nothing."""
+    graph = grimp.build_graph("envs", "posture", cache_dir=None)
+    covered = {".".join(path.relative_to(ROOT).with_suffix("").parts) for path in source_files(TRAINING + ANALYSIS)}
+    for start in ("posture.learning.learner", "posture.evaluation.trial"):
+        imported = graph.find_upstream_modules(start) | {start}
+        assert len(imported) > 10
+        deciding = {name for name in imported if not any(f"{name}.".startswith(f"{other}.") for other in NOT_DECIDING)}
+        packages = {name for name in deciding if any(other.startswith(f"{name}.") for other in graph.modules)}
+        assert deciding - packages - covered == set()
+
+
+def test_the_named_packages_and_files_exist():
+    for package in TRAINING + ANALYSIS:
+        assert list((ROOT / package).glob("*.py"))
+    names = {path.name for package in TRAINING + ANALYSIS for path in (ROOT / package).rglob("*.py")}
+    assert set(PRESENTATION) <= names
