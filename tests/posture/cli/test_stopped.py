@@ -177,19 +177,7 @@ def test_a_sweep_stops_with_its_job_saved():
     assert iterations_done(job) == run_dir.iteration_of(run_dir.newest_model(job))
 
 
-# -- resume, and a job of a sweep ----------------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("processes", [1, 2])
-def test_a_resumed_training_equals_an_uninterrupted_one(processes):
-    """In fresh processes: two iterations and two more equal four, and TensorBoard has each once."""
-    shared = [*PLAIN, *CONSTANT, f"processes={processes}"]
-    train(*shared, "max_iterations=2", "hydra.run.dir=parts")
-    train("resume=parts", "max_iterations=4")
-    train(*shared, "max_iterations=4", "hydra.run.dir=whole")
-    assert equal(Path("parts"), Path("whole"), 4)
-    assert steps(Path("parts")) == steps(Path("whole")) == [0, 1, 2, 3]
+# -- a job of a sweep ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
