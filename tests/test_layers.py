@@ -23,27 +23,10 @@ SIMULATORS = ["torch", "warp", "newton", "mujoco"]
 
 # Still to be done.
 NEEDS_A_SIMULATOR = {
-    "posture.cli.entry",
-    "posture.cli.jobs",
-    "posture.cli.sweep",
-    "posture.config.environment",
-    "posture.config.eval",
-    "posture.config.export",
-    "posture.config.film",
-    "posture.config.play",
-    "posture.config.theory",
-    "posture.config.train",
-    "posture.storage.checkpoint",
-    "posture.storage.provenance",
-    "posture.storage.run_dir",
-    "posture.drawing.silhouette",
-    "posture.reproduce.figures.all_figures",
-    "posture.reproduce.figures.traces",
     "posture.reproduce.page.document",
     "posture.reproduce.page.provenance",
     "posture.reproduce.page.tables",
     "posture.reproduce.results",
-    "posture.reproduce.ship",
 }
 
 # Prints, for each module named on the command line that does not import where no simulator is installed, which one it wants.

@@ -25,7 +25,7 @@ class FilmEnv(EnvChanges):
 
 
 class FilmConfig(Strict):
-    """Everything that `posture.film` is told."""
+    """Configuration of `posture.film`."""
 
     ckpt: PathText
     device: str

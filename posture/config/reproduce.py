@@ -11,7 +11,7 @@ Stage = Literal["train", "evaluate", "report", "ship"]
 
 
 class ReproduceConfig(Strict):
-    """Everything that `posture.reproduce` is told."""
+    """Configuration of `posture.reproduce`."""
 
     seeds: Annotated[int, Field(ge=1, le=1000)]
     stages: Annotated[tuple[Stage, ...], Field(min_length=1)]

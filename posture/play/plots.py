@@ -1,6 +1,7 @@
 """Numbers and charts of the page, in a panel of viser. Numbers are small HTML, charts are viser's uPlot.
 
-uPlot draws a line across nan and wants ascending x, so curves with gaps and closed curves are drawn as points.
+uPlot draws a line across nan, does not find the range of values with nan, and wants ascending x. So curves with gaps and
+closed curves are drawn as points, and their ranges are given.
 """
 
 from __future__ import annotations
@@ -25,8 +26,10 @@ SAMPLES = 200
 """Largest number of samples of a signal in a chart."""
 FONT = "font:12px system-ui,sans-serif;color:#222"
 BLACK = "#333333"
-ANKLE_RANGE, HIP_RANGE = (-16.0, 8.0), (-40.0, 40.0)
+ANKLE_RANGE, HIP_RANGE = (-16.0, 8.0), (-30.0, 30.0)
 """[deg]"""
+COST_ENDS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 4.0)
+"""Upper ends of the axis of costs; 4 is the cost of four joints at their limits."""
 MODES = ("in-phase", "anti-phase")
 DIRECTION_COLOUR = {1: ORANGE, -1: BLUE, 0: GREY}
 DIRECTIONS = {1: "rising", -1: "falling", 0: "constant"}
@@ -35,7 +38,8 @@ DIRECTIONS = {1: "rising", -1: "falling", 0: "constant"}
 class Plots:
     """Added to `gui`; `refresh` reads the session."""
 
-    def __init__(self, gui: viser.GuiApi, config: PlayConfig) -> None:
+    def __init__(self, gui: viser.GuiApi, config: PlayConfig, sole: tuple[float, float]) -> None:
+        """`sole`: its ends in the foot frame [m]."""
         self._headline, self._numbers = gui.add_html(""), gui.add_html("")
         ago, long_ago = (-SHORT_S, 0.0), (-LONG_S, 0.0)
         modes = [_points(MODE_COLOUR[mode]) for mode in MODES]
@@ -48,9 +52,12 @@ class Plots:
         title = "correlation against frequency [Hz]: rising (orange), falling (blue)"
         self.trail = _chart(gui, title, [*directions, _line(BLACK, dash=(4, 3))], freq_range, r_range)
         self.correlation = _chart(gui, "running correlation, last 30 s", modes, long_ago, r_range)
-        self.cost = _chart(gui, "cost (black) and least cost (grey)", [_points(GREY), _points(BLACK)], long_ago)
+        self.cost = _chart(
+            gui, "cost (black) and least cost (grey)", [_points(GREY), _points(BLACK)], long_ago, (0.0, COST_ENDS[0])
+        )
         title = "centre of pressure between heel and toe [mm]"
-        self.pressure = _chart(gui, title, [_line(GREY), _line(GREY), _points(ORANGE)], ago)
+        foot = 1e3 * sole[0] - 10.0, 1e3 * sole[1] + 10.0
+        self.pressure = _chart(gui, title, [_line(GREY), _line(GREY), _points(ORANGE)], ago, foot)
         self._past: list[tuple[float, float, float, float]] = []  # time, correlation, cost, least cost
 
     def refresh(self, session: Session) -> None:
@@ -74,6 +81,10 @@ class Plots:
             self._past = [past for past in self._past if past[0] > session.time - LONG_S]
         time, r, cost, least = np.array(self._past).T
         self.correlation.data = _data(time - session.time, np.where(r > 0, r, np.nan), np.where(r < 0, r, np.nan))
+        largest = max([value for value in (*cost, *least) if math.isfinite(value)], default=0.0)
+        y = 0.0, next((end for end in COST_ENDS if end >= largest), COST_ENDS[-1])
+        if self.cost.scales != (scales := _scales((-LONG_S, 0.0), y)):
+            self.cost.scales = scales
         self.cost.data = _data(time - session.time, least, cost)
 
 
@@ -158,12 +169,16 @@ def _chart(
         _data(*(len(curves) + 1) * [np.empty(0)]),
         (uplot.Series(label=""), *curves),
         title=title,
-        scales={"x": uplot.Scale(time=False, range=x), "y": uplot.Scale() if y is None else uplot.Scale(range=y)},
+        scales=_scales(x, y),
         axes=(uplot.Axis(size=30, font=font), uplot.Axis(size=42, font=font)),
         legend=uplot.Legend(show=False),
         height=125,
         padding=(6, 14, 0, 0),
     )
+
+
+def _scales(x: tuple[float, float], y: tuple[float, float] | None) -> dict[str, uplot.Scale]:
+    return {"x": uplot.Scale(time=False, range=x), "y": uplot.Scale() if y is None else uplot.Scale(range=y)}
 
 
 def _number(value: float, form: str, unit: str = "") -> str:

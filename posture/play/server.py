@@ -129,7 +129,7 @@ class Visitor(threading.Thread):
         gui.set_panel_label("posture")
         measurements = gui.add_panel()
         with measurements.add_tab("measurements"):
-            self._plots = Plots(gui, config)
+            self._plots = Plots(gui, config, self.session.sole)
         measurements.dock_left()
         measurements.set_width(400)
         self.panel = Panel(

@@ -8,7 +8,7 @@ import torch
 from envs.config import SolverConfig
 from envs.engines.factory import simulate
 from envs.engines.interface import ConstraintOverflowError, top_speed
-from envs.engines.solver_mujoco import SpatialSimulation
+from envs.engines.newton_mujoco import NewtonMujocoSimulation
 from envs.task.head_tracking import HeadTrackingEnv
 from envs.task.observations import TERMS
 from tests.commands import TINY, call
@@ -143,7 +143,7 @@ def fling(sim, world, speed):
 def crouched(config, **room):
     """Both feet pressed into the ground and four joints past their limits: 4 contacts of 4 rows, and 4 rows more."""
     solver = SolverConfig.model_validate(config.solver.model_dump() | room)
-    sim = SpatialSimulation(config.model_copy(update={"solver": solver}), 2, "cpu")
+    sim = NewtonMujocoSimulation(config.model_copy(update={"solver": solver}), 2, "cpu")
     sim.joint_angle[:] = 0.9
     sim._joint_q[:, 2] -= 1.0
     sim.step(torch.zeros(2, 4))
@@ -161,13 +161,13 @@ def test_an_evaluation_with_too_little_room_fails_and_leaves_no_result(monkeypat
     """What escapes the command ends it with 1, and there is nothing that could pass for a result."""
     monkeypatch.chdir(tmp_path)
     call(monkeypatch, "train", *TINY, "evaluate=false", "max_iterations=1")
-    build = SpatialSimulation.__init__
+    build = NewtonMujocoSimulation.__init__
 
     def cramped(sim, *arguments):
         build(sim, *arguments)
         sim._data.njmax = 8  # the solver itself would not take less than the 16 rows of two flat feet
 
-    monkeypatch.setattr(SpatialSimulation, "__init__", cramped)
+    monkeypatch.setattr(NewtonMujocoSimulation, "__init__", cramped)
     with pytest.raises(ConstraintOverflowError, match="env.solver.constraint_rows = 8, needed at least"):
         call(monkeypatch, "eval", "ckpt=latest", "env.physics=mujoco")
     left = {path.name for path in tmp_path.rglob("*")}

@@ -1,4 +1,4 @@
-"""Exported files, read as other programs read them: against the evaluation's own record, and onnxruntime against torch."""
+"""Exported files as other programs read them: against the trajectories of the evaluation, and onnxruntime against torch."""
 
 import csv
 import json
@@ -23,7 +23,7 @@ from posture.evaluation.rollout import rollout
 from posture.evaluation.trial import AS_TRAINED, trial_config
 from posture.export import onnx_policy
 from posture.export.onnx_policy import write_onnx
-from posture.export.recording import write_csv, write_sto
+from posture.export.trajectory_files import write_csv, write_sto
 from posture.learning.networks import load_policy, network
 from posture.storage import checkpoint, run_dir
 from tests.commands import call, refused
@@ -32,12 +32,12 @@ from tests.posture.analysis.test_trajectory import trajectory
 
 FREQ = (0.5, 1.5)
 TRIAL = ["evaluation.freq=[0.5,1.5]", "evaluation.duration=1.66", "evaluation.transient=0"]  # 100 steps
-# What OpenSim's reader of version 1 takes: C++'s `stream >> double`, which knows no nan.
+# What OpenSim's reader of version 1 accepts: C++'s `stream >> double`, which does not read nan.
 NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?")
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory):
+def exported(tmp_path_factory):
     """The shipped policy, evaluated into `eval` and exported into `out` under the same conditions."""
     folder = tmp_path_factory.mktemp("export")
     with pytest.MonkeyPatch.context() as patch:
@@ -49,19 +49,18 @@ def made(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def shipped():
-    (model,) = run_dir.find_checkpoints("pretrained")
+    model = run_dir.find_checkpoint("pretrained")
     run = run_dir.read_config(model.parent)
     return model, run, load_policy(checkpoint.load(model, "cpu"), run, model, "cpu")
 
 
 @pytest.fixture(scope="module")
-def session(made):
-    return onnxruntime.InferenceSession(made / "out" / "policy.onnx", providers=["CPUExecutionProvider"])
+def session(exported):
+    return onnxruntime.InferenceSession(exported / "out" / "policy.onnx", providers=["CPUExecutionProvider"])
 
 
-def opensim(path):
-    """(name, header, columns by label) of a storage file, read in the manner of OpenSim's: keys till endheader, labels, then
-    a stream of numbers."""
+def read_sto(path):
+    """(name, header, columns by label) of a storage file, read as OpenSim does: keys until endheader, labels, numbers."""
     lines = iter(path.read_text().split("\n"))
     name, header = next(lines), {}
     for line in lines:
@@ -79,43 +78,40 @@ def opensim(path):
     return name, header, dict(zip(labels, values.T, strict=True))
 
 
-def table(path):
+def read_csv(path):
     with path.open(newline="") as file:
         heading, *rows = csv.reader(file)
     return dict(zip(heading, np.array(rows, dtype=float).T, strict=True))
 
 
-def recorded(kept, world):
-    """Name without unit, unit, array as the evaluation kept it."""
-    yield "time", "_s", kept.time
+def signals(trial, world):
+    """Name without unit, unit, and array of each signal of the evaluation."""
+    yield "time", "_s", trial.time
     for name, unit in (("target_x", "_m"), ("head_x", "_m"), ("head_vx", "_m_per_s"), ("cop_x", "_m")):
-        yield name, unit, getattr(kept, name)[:, world]
+        yield name, unit, getattr(trial, name)[:, world]
     for name, unit in (("torso_height", "_m"), ("foot_displacement", "_m"), ("foot_flat", "")):
-        yield name, unit, getattr(kept, name)[:, world]
+        yield name, unit, getattr(trial, name)[:, world]
     for place, joint in enumerate(JOINTS):
-        yield f"{joint}_angle", "_rad", kept.joint_angle[:, world, place]
-        yield f"{joint}_velocity", "_rad_per_s", kept.joint_velocity[:, world, place]
-        yield f"{joint}_torque", "_nm", kept.joint_torque[:, world, place]
+        yield f"{joint}_angle", "_rad", trial.joint_angle[:, world, place]
+        yield f"{joint}_velocity", "_rad_per_s", trial.joint_velocity[:, world, place]
+        yield f"{joint}_torque", "_nm", trial.joint_torque[:, world, place]
 
 
-# -- trajectories ----------------------------------------------------------------------------------------------------
-
-
-def test_the_files_are_these(made):
+def test_names_of_the_files(exported):
     names = [f"trajectory_{freq}Hz.{kind}" for freq in FREQ for kind in ("sto", "csv")]
-    assert sorted(path.name for path in (made / "out").iterdir()) == sorted([*names, "policy.onnx", "export.yaml"])
+    assert sorted(path.name for path in (exported / "out").iterdir()) == sorted([*names, "policy.onnx", "export.yaml"])
 
 
 @pytest.mark.parametrize(("world", "freq"), list(enumerate(FREQ)))
-def test_both_hold_what_the_evaluation_recorded(made, world, freq):
-    kept = Trajectory.read(made / "eval" / "trajectories.npz")
-    assert kept.freq[world] == freq and len(kept.time) == 100
-    name, header, storage = opensim(made / "out" / f"trajectory_{freq}Hz.sto")
-    comma = table(made / "out" / f"trajectory_{freq}Hz.csv")
+def test_trajectories_equal_those_of_the_evaluation(exported, world, freq):
+    trial = Trajectory.read(exported / "eval" / "trajectories.npz")
+    assert trial.freq[world] == freq and len(trial.time) == 100
+    name, header, storage = read_sto(exported / "out" / f"trajectory_{freq}Hz.sto")
+    comma = read_csv(exported / "out" / f"trajectory_{freq}Hz.csv")
     assert name == f"posture_{freq}_Hz" and header["version"] == "1" and header["inDegrees"] == "no"
     assert next(iter(storage)) == "time" and next(iter(comma)) == "time_s"
     names = []
-    for name, unit, values in recorded(kept, world):
+    for name, unit, values in signals(trial, world):
         np.testing.assert_array_equal(storage[name], values, name)
         np.testing.assert_array_equal(comma[name + unit], values, name)
         names.append((name, name + unit))
@@ -124,48 +120,49 @@ def test_both_hold_what_the_evaluation_recorded(made, world, freq):
     assert np.ptp(storage["head_x"]) > 0.01  # it moves
 
 
-def test_what_was_rolled_out_is_told(made, shipped):
-    told = yaml.safe_load((made / "out" / "export.yaml").read_text())
-    assert told["policy"] == str(shipped[0]) and told["evaluation"]["freq"] == [0.5, 1.5] and told["env"]["hip_k"] == 125.0
+def test_description_of_the_trial(exported, shipped):
+    description = yaml.safe_load((exported / "out" / "export.yaml").read_text())
+    assert description["policy"] == str(shipped[0]) and description["evaluation"]["freq"] == [0.5, 1.5]
+    assert description["env"]["hip_k"] == 125.0
 
 
-def test_degrees_turn_angles_and_their_velocities_alone(tmp_path):
-    kept = trajectory()
-    assert write_sto(kept, 0, tmp_path / "rad.sto", in_degrees=False)
-    assert write_sto(kept, 0, tmp_path / "deg.sto", in_degrees=True)
-    _, radians, plain = opensim(tmp_path / "rad.sto")
-    _, degrees, turned = opensim(tmp_path / "deg.sto")
+def test_in_degrees_converts_only_angles_and_angular_velocities(tmp_path):
+    trial = trajectory()
+    assert write_sto(trial, 0, tmp_path / "rad.sto", in_degrees=False)
+    assert write_sto(trial, 0, tmp_path / "deg.sto", in_degrees=True)
+    _, radians, plain = read_sto(tmp_path / "rad.sto")
+    _, degrees, turned = read_sto(tmp_path / "deg.sto")
     assert radians["inDegrees"] == "no" and degrees["inDegrees"] == "yes"
     for name, values in plain.items():
         factor = 180 / np.pi if name.endswith(("_angle", "_velocity")) else 1.0
         np.testing.assert_allclose(turned[name], factor * values, rtol=1e-15)
 
 
-def test_after_a_fall_and_without_load(tmp_path):
+def test_nan_after_a_fall_and_without_load(tmp_path):
     cop_x, head_x = trajectory().cop_x.copy(), trajectory().head_x.copy()
-    cop_x[1, 1] = np.nan  # in the air
+    cop_x[1, 1] = np.nan  # feet without load
     cop_x[3:, 1] = head_x[3:, 1] = np.nan  # fallen
-    kept = trajectory(cop_x=cop_x, head_x=head_x)
-    assert kept.fall_step[1] == 3
-    assert write_sto(kept, 1, tmp_path / "a.sto", in_degrees=False)
-    write_csv(kept, 1, tmp_path / "a.csv")
-    name, _, storage = opensim(tmp_path / "a.sto")
-    assert name == "posture_ramp"  # its frequency is nan
+    trial = trajectory(cop_x=cop_x, head_x=head_x)
+    assert trial.fall_step[1] == 3
+    assert write_sto(trial, 1, tmp_path / "a.sto", in_degrees=False)
+    write_csv(trial, 1, tmp_path / "a.csv")
+    name, _, storage = read_sto(tmp_path / "a.sto")
+    assert name == "posture_ramp"  # the frequency is nan
     np.testing.assert_array_equal(storage["head_x"], head_x[:3, 1])
     np.testing.assert_array_equal(storage["cop_x"], [cop_x[0, 1], 0.0, cop_x[2, 1]])
     np.testing.assert_array_equal(storage["foot_loaded"], [1, 0, 1])
-    comma = table(tmp_path / "a.csv")
+    comma = read_csv(tmp_path / "a.csv")
     np.testing.assert_array_equal(comma["cop_x_m"], cop_x[:, 1])
     np.testing.assert_array_equal(comma["head_x_m"], head_x[:, 1])
     np.testing.assert_array_equal(comma["foot_loaded"], [1, 0, 1, 0, 0])
 
 
-def test_opensim_itself_reads_every_row(made, tmp_path, monkeypatch):
-    """Where OpenSim is installed (pip install opensim): by its table and by its older storage."""
-    monkeypatch.chdir(tmp_path)  # its import writes a log where it stands
+def test_opensim_reads_every_row(exported, tmp_path, monkeypatch):
+    """If OpenSim is installed (pip install opensim): through its table and its older storage class."""
+    monkeypatch.chdir(tmp_path)  # importing it writes a log into the working directory
     opensim_ = pytest.importorskip("opensim")
-    path = made / "out" / "trajectory_0.5Hz.sto"
-    comma = table(path.with_suffix(".csv"))
+    path = exported / "out" / "trajectory_0.5Hz.sto"
+    comma = read_csv(path.with_suffix(".csv"))
     rows = opensim_.TimeSeriesTable(str(path))
     np.testing.assert_array_equal(rows.getMatrix().to_numpy(), np.stack(list(comma.values())[1:], axis=1))
     storage, head = opensim_.Storage(str(path)), opensim_.ArrayDouble()
@@ -174,12 +171,12 @@ def test_opensim_itself_reads_every_row(made, tmp_path, monkeypatch):
     assert [head.get(row) for row in range(head.getSize())] == comma["head_x_m"].tolist()
 
 
-def test_a_fall_in_the_first_step_leaves_no_storage_file(tmp_path):
+def test_no_storage_file_after_a_fall_in_the_first_step(tmp_path):
     assert not write_sto(trajectory(fall_step=np.array([0, -1, -1])), 0, tmp_path / "a.sto", in_degrees=False)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_ramp_is_one_file_of_the_rising_target(monkeypatch, tmp_path):
+def test_ramp_is_one_file(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     ramp = "env.ramp={start: 0.2, rate: 0.5, duration: 1.0}"
     call(monkeypatch, "export", "what=[trajectories]", ramp, *TRIAL)
@@ -187,24 +184,21 @@ def test_a_ramp_is_one_file_of_the_rising_target(monkeypatch, tmp_path):
     assert {path.name for path in (folder / "export").iterdir()} == {
         "trajectory_ramp.sto", "trajectory_ramp.csv", "export.yaml",
     }  # fmt: skip
-    _, _, storage = opensim(folder / "export" / "trajectory_ramp.sto")
+    _, _, storage = read_sto(folder / "export" / "trajectory_ramp.sto")
     time = storage["time"]
     ramped = np.minimum(time, 1.0)
-    # A (1 - cos(phase)), the phase by integrating 2 pi f; f holds 0.7 Hz after the ramp.
+    # A (1 - cos(phase)), with the integral of 2 pi f as phase; f stays at 0.7 Hz after the ramp.
     phase = 2 * np.pi * (0.2 * ramped + 0.25 * ramped**2 + 0.7 * (time - ramped))
     np.testing.assert_allclose(storage["target_x"], 0.1 * (1 - np.cos(phase)), atol=1e-5)
 
 
-# -- the policy ------------------------------------------------------------------------------------------------------
-
-
-def test_onnx_gives_the_policys_commands(session, shipped):
-    """Over observations as they were trained on, in batches of any size."""
+def test_onnx_gives_the_actions_of_the_policy(session, shipped):
+    """For observations with twice the spread of those in training, in batches of any size."""
     _, _, policy = shipped
-    spread = policy.obs_normalizer
+    normaliser = policy.obs_normalizer
     draw = torch.Generator().manual_seed(7)
     for count in (1, 3, 1000):
-        seen = spread.mean + 2.0 * spread.std * torch.randn(count, 17, generator=draw)
+        seen = normaliser.mean + 2.0 * normaliser.std * torch.randn(count, 17, generator=draw)
         with torch.inference_mode():
             expected = policy({"policy": seen}).numpy()
         (given,) = session.run(None, {"observation": seen.numpy()})
@@ -213,8 +207,8 @@ def test_onnx_gives_the_policys_commands(session, shipped):
         assert np.ptp(expected) > 0.1 or count == 1
 
 
-def test_normalisation_and_network_by_hand(session, shipped):
-    """Numpy, in double precision: (x - mean) / (std + 0.01), then affine layers with x sigmoid(x) between."""
+def test_onnx_against_the_network_in_numpy(session, shipped):
+    """In double precision: (x - mean) / (std + 0.01), then affine layers with x sigmoid(x) between them."""
     model, _, _ = shipped
     weights = {name: value.double().numpy() for name, value in checkpoint.load(model, "cpu")["actor_state_dict"].items()}
     seen = np.random.default_rng(3).normal(weights["obs_normalizer._mean"], weights["obs_normalizer._std"], (50, 17))
@@ -226,43 +220,43 @@ def test_normalisation_and_network_by_hand(session, shipped):
     np.testing.assert_allclose(given, x, atol=1e-4)
 
 
-def test_a_roll_out_driven_by_onnxruntime(session, shipped):
+def test_rollout_with_onnxruntime(session, shipped):
     _, run, policy = shipped
     values = run.evaluation.model_dump() | {"freq": FREQ, "duration": 1.66, "transient": 0.0}
     trial = trial_config(run.env, EvaluationConfig(**values), AS_TRAINED, "cpu")
 
-    def driven_by(act):
+    def roll_out(act):
         return rollout(HeadTrackingEnv(trial, run.seed, "cpu"), act, torch.tensor(FREQ, dtype=torch.float64), 1.66)
 
-    one = driven_by(policy)
-    other = driven_by(lambda seen: torch.from_numpy(session.run(None, {"observation": seen["policy"].numpy()})[0]))
+    one = roll_out(policy)
+    other = roll_out(lambda seen: torch.from_numpy(session.run(None, {"observation": seen["policy"].numpy()})[0]))
     assert len(one.time) == 100 and np.ptp(one.joint_angle, axis=0).min() > 0.01
     for name in ("joint_angle", "joint_velocity", "head_x", "cop_x"):
         np.testing.assert_allclose(getattr(other, name), getattr(one, name), atol=1e-4, err_msg=name)
     np.testing.assert_allclose(other.joint_torque / 100.0, one.joint_torque / 100.0, atol=1e-4)
 
 
-def test_the_file_says_what_stands_where(made, shipped):
+def test_metadata_of_the_onnx_file(exported, shipped):
     model, run, _ = shipped
-    proto = onnx.load(made / "out" / "policy.onnx")
-    told = {entry.key: entry.value for entry in proto.metadata_props}
+    proto = onnx.load(exported / "out" / "policy.onnx")
+    metadata = {entry.key: entry.value for entry in proto.metadata_props}
     assert [value.name for value in proto.graph.input] == ["observation"]
     assert [value.name for value in proto.graph.output] == ["action"]
-    assert [entry["name"] for entry in json.loads(told["action"])] == list(KINDS)
-    seen = [(entry["name"], entry["unit"]) for entry in json.loads(told["observation"])]
-    assert seen == [
+    assert [entry["name"] for entry in json.loads(metadata["action"])] == list(KINDS)
+    components = [(entry["name"], entry["unit"]) for entry in json.loads(metadata["observation"])]
+    assert components == [
         ("hip_angle_mean", "rad"), ("ankle_angle_mean", "rad"), ("hip_velocity_mean", "rad/s"),
         ("ankle_velocity_mean", "rad/s"), ("torso_pitch", "rad"), ("torso_vx", "m/s"), ("torso_vz", "m/s"),
         ("torso_wy", "rad/s"), ("feet_x_mean", "m"), ("feet_z_mean", "m"), ("head_x", "m"), ("head_vx", "m/s"),
         ("hip_last_action", "1"), ("ankle_last_action", "1"), ("target_x", "m"), ("target_vx", "m/s"),
         ("target_x_minus_head_x", "m"),
     ]  # fmt: skip
-    assert float(told["torque_limit_nm"]) == 100.0 and float(told["control_dt_s"]) == 0.0166
-    assert not (made / "out" / "policy.onnx.data").exists()  # the weights are inside
+    assert float(metadata["torque_limit_nm"]) == 100.0 and float(metadata["control_dt_s"]) == 0.0166
+    assert not (exported / "out" / "policy.onnx.data").exists()  # the weights are inside
 
 
-def test_names_of_the_senses_are_those_of_their_values():
-    """Every term of a body whose every number is known."""
+def test_names_of_the_components_belong_to_their_values():
+    """Every term, for a state with known numbers."""
 
     def exact(values):
         return torch.tensor(values, dtype=torch.float64)
@@ -316,10 +310,10 @@ def test_names_of_the_senses_are_those_of_their_values():
     assert named == expected.keys()
 
 
-def test_a_network_without_normalisation_and_with_other_senses(tmp_path):
+def test_network_without_normalisation_and_with_other_observations(tmp_path):
     run = compose("env=authors_code", "agent.actor.obs_normalization=false")
     checkpoint = tmp_path / "model_1.pt"
-    checkpoint.write_bytes(b"its checksum alone is used")
+    checkpoint.write_bytes(b"only its checksum is used")
     policy = network(run, "actor").eval()
     assert write_onnx(policy, run, checkpoint, tmp_path / "policy.onnx") <= 1e-5
     session = onnxruntime.InferenceSession(tmp_path / "policy.onnx", providers=["CPUExecutionProvider"])
@@ -327,34 +321,27 @@ def test_a_network_without_normalisation_and_with_other_senses(tmp_path):
     assert session.get_inputs()[0].shape[1] == len(names) == len(set(names)) == 47
 
 
-# -- what cannot be --------------------------------------------------------------------------------------------------
+def full_disk(*_):
+    raise OSError(28, "No space left on device", "policy.onnx")
 
 
-def test_an_unfaithful_file_is_not_written(monkeypatch, capsys, tmp_path):
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [("TOLERANCE", -1.0, "differ from the policy's"), ("replacing", full_disk, "No space left on device")],
+)
+def test_no_file_after_a_failure(monkeypatch, capsys, tmp_path, name, value, message):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(onnx_policy, "TOLERANCE", -1.0)
+    monkeypatch.setattr(onnx_policy, name, value)
     with pytest.raises(SystemExit) as stop:
         call(monkeypatch, "export", "what=[policy]", "out=out")
-    told = capsys.readouterr().err.strip().splitlines()
-    assert stop.value.code == 1 and len(told) == 1 and "differ from the policy's" in told[0]
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert stop.value.code == 1 and len(lines) == 1 and message in lines[0]
     assert list(Path("out").iterdir()) == []
 
 
-def test_a_full_disk_is_told_in_one_line(monkeypatch, capsys, tmp_path):
-    def full(*_):
-        raise OSError(28, "No space left on device", "policy.onnx")
-
+def test_missing_packages(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(onnx_policy, "write_onnx", full)
-    with pytest.raises(SystemExit) as stop:
-        call(monkeypatch, "export", "what=[policy]", "out=out")
-    told = capsys.readouterr().err.strip().splitlines()
-    assert stop.value.code == 1 and len(told) == 1 and "No space left on device" in told[0]
-
-
-def test_without_the_extra(monkeypatch, capsys, tmp_path):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(sys.modules, "onnxruntime", None)  # as if it were not installed
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)  # import fails as if it were not installed
     line = refused(monkeypatch, capsys, "export")
     assert "onnxruntime" in line and "pip install" in line and "what=[trajectories]" in line
     assert list(tmp_path.iterdir()) == []
@@ -363,7 +350,7 @@ def test_without_the_extra(monkeypatch, capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["ckpt=nowhere"], "no such file or folder"),
         (["ckpt=pretrained/none"], "no such policy"),
@@ -372,7 +359,7 @@ def test_without_the_extra(monkeypatch, capsys, tmp_path):
         (["out=/proc/export", "what=[policy]"], "cannot write to the folder /proc/export"),
         (["what=[]"], "at least 1 item"),
         (["what=[video]"], "'trajectories' or 'policy'"),
-        (["evaluation.freq=[0.5,0.9,0.5]"], "0.5 Hz stands there twice"),
+        (["evaluation.freq=[0.5,0.9,0.5]"], "0.5 Hz is listed twice"),
         (["evaluation.freq=[0]"], "greater than or equal to 0.001"),
         (["evaluation.duration=5"], "evaluation.transient: 10 s leaves nothing"),
         (["in_degrees=3"], "in_degrees"),
@@ -380,13 +367,13 @@ def test_without_the_extra(monkeypatch, capsys, tmp_path):
         (["device=abacus"], "allowed are cpu, cuda"),
     ],
 )
-def test_bad_input_is_one_line(monkeypatch, capsys, tmp_path, arguments, said):
+def test_bad_input(monkeypatch, capsys, tmp_path, arguments, message):
     monkeypatch.chdir(tmp_path)
-    assert said in refused(monkeypatch, capsys, "export", *arguments)
+    assert message in refused(monkeypatch, capsys, "export", *arguments)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_several_policies_are_refused(monkeypatch, capsys, tmp_path):
+def test_several_policies(monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
     for name in ("hip_k-25", "hip_k-50"):
         shutil.copytree(run_dir.PRETRAINED / name, tmp_path / "sweep" / name)

@@ -79,7 +79,8 @@ def gui():
 
 
 def test_charts_show_the_session(gui, body):
-    plots, session = Plots(gui, compose_play()), new_session(body)
+    session = new_session(body)
+    plots = Plots(gui, compose_play(), session.sole)
     plots.refresh(session)  # nothing to show yet
     for _ in range(3):
         advance(session, 6.0)
@@ -95,6 +96,8 @@ def test_charts_show_the_session(gui, body):
     time, in_phase, anti_phase = plots.correlation.data
     assert time[-1] == 0 and in_phase[-1] == measures.r and np.isnan(anti_phase[-1])
     assert [column[-1] for column in plots.cost.data[1:]] == [theory.at(measures.freq), measures.cost]
+    (low, high) = plots.cost.scales["y"]["range"]
+    assert low == 0 and high / 5 < np.nanmax(plots.cost.data[1:]) <= high
     count = len(plots.cost.data[0])
     plots.refresh(session)
     assert len(plots.cost.data[0]) == count  # no new point while paused
