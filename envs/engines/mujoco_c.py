@@ -17,7 +17,7 @@ from envs.config import EnvConfig
 from envs.engines.interface import SUBJECT, ConstraintOverflowError, Simulation, top_speed
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-"""All that mj_step depends on, qacc_warmstart included."""
+"""Everything that mj_step depends on, qacc_warmstart included."""
 _BAD = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{name}")) for name in ("QPOS", "QVEL", "QACC")]
 _FULL = [int(getattr(mujoco.mjtWarning, f"mjWARN_{name}FULL")) for name in ("CONTACT", "CNSTR")]
 

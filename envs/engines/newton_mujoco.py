@@ -1,7 +1,6 @@
 """N standers in Newton's SolverMuJoCo (MuJoCo Warp), the full three-dimensional body: the reference.
 
-The state is Newton's own memory, seen through named torch views without a copy: what is written to a view is what the
-solver steps from.
+The tensors are torch views of Newton's arrays, without a copy: writing to them changes the state of the solver.
 """
 
 import math
@@ -22,7 +21,7 @@ from envs.engines.interface import ConstraintOverflowError, Simulation, top_spee
 _ROOT_Q, _ROOT_QD = 7, 6
 """Coordinates and velocities of the free root joint ahead of the hinges."""
 _DROPPED = int(OverflowType.NEFC | OverflowType.NJMAX_NNZ | OverflowType.BROADPHASE | OverflowType.NARROWPHASE)
-"""Of MuJoCo Warp's flags those that mean a lost contact or constraint; the others report an iteration limit."""
+"""Those of MuJoCo Warp's flags that report a dropped contact or constraint; the others report an iteration limit."""
 
 
 @wp.kernel
@@ -84,7 +83,7 @@ def _sort_sole_forces(
 
 
 class NewtonMujocoSimulation(Simulation):
-    """The `Simulation` of the full body. Its tensors are views of the state: what is written there is stepped from."""
+    """The `Simulation` of the full body; its tensors are views of the state."""
 
     def __init__(self, config: EnvConfig, num_worlds: int, device: str) -> None:
         self.config = config
@@ -100,10 +99,10 @@ class NewtonMujocoSimulation(Simulation):
             ls_iterations=config.solver.ls_iterations,
             njmax=config.solver.constraint_rows,
             nconmax=config.solver.contacts,
-            # A weld to hold the root still is never wanted here, and would cost six rows of every solve.
+            # Avoids a weld of the root, which is not needed here and would add six rows to every solve.
             kinematic_switchable_roots=False,
         )
-        # Dropped contacts are raised by `check_capacity`; lines printed from inside the solver would only repeat it.
+        # `check_capacity` reports dropped contacts; the solver need not print them as well.
         self._solver.mjw_model.opt.warn_overflow = 0
         self._state = self.model.state()
         self._control = self.model.control()
@@ -139,7 +138,7 @@ class NewtonMujocoSimulation(Simulation):
             return
         stream = wp.stream_from_torch(torch.cuda.current_stream(self.device))
         if self._graph is None:
-            # The first step compiles and allocates, which cannot be captured; the state is kept so that it counts once.
+            # The first step compiles and allocates, which cannot be captured; afterwards the state is restored.
             before = self.state_dict()
             with wp.ScopedStream(stream):
                 self._advance()
@@ -163,7 +162,7 @@ class NewtonMujocoSimulation(Simulation):
         """See `Simulation`."""
         if not bool(self._dropped.any()):
             return
-        # What the solver has room for; it makes room for the start pose whatever was asked.
+        # The solver's own capacity, which is at least that of the start pose.
         most = {
             "constraint_rows": (self._data.njmax, int(self._most_rows.max())),
             "contacts": (
@@ -258,7 +257,7 @@ class NewtonMujocoSimulation(Simulation):
         self.diverged = torch.zeros(self.num_worlds, dtype=torch.bool, device=self.device)
         self._joint_force_wp = wp.zeros((self.num_worlds, len(JOINTS)), dtype=float, device=self.model.device)
         self.joint_force = wp.to_torch(self._joint_force_wp)
-        # Newton's mask has one place more than there are worlds, for what belongs to none.
+        # Newton's mask has one more element than there are worlds, for what belongs to no world.
         self._reset_mask = torch.zeros(self.num_worlds + 1, dtype=torch.bool, device=self.device)
         self._reset_mask_wp = wp.from_torch(self._reset_mask, dtype=wp.bool)
         self._reset_articulations = self._reset_mask_wp[: self.num_worlds]
@@ -279,7 +278,7 @@ class NewtonMujocoSimulation(Simulation):
             foot = name.replace("sole", "foot")
             geom_foot.append(FEET.index(foot) if name.startswith("sole") else -1)
         self._geom_foot = wp.array(geom_foot, dtype=wp.int32, device=device)
-        # MuJoCo counts the world as its first body.
+        # The world is MuJoCo's first body.
         self._foot_body = wp.array([1 + BODIES.index(foot) for foot in FEET], dtype=wp.int32, device=device)
         self._mid_x = 0.5 * (self.geometry.heel_x + self.geometry.toe_x)
 

@@ -18,11 +18,11 @@ from envs.engines.sagittal_contact import Softness, vec5
 from envs.engines.sagittal_kernel import Body, advance, write_all_outputs
 
 _OUTPUT_TYPES = (wp.float32, wp.float32, wp.transform, wp.spatial_vector)
-"""Types that the kernel gives to joint angles and velocities, poses and velocities of bodies."""
+"""The kernel's types of joint angles and velocities, and of poses and velocities of bodies."""
 
 
 class SagittalSimulation(Simulation):
-    """The `Simulation` of the planar body. Torques act by the sum of left and right."""
+    """The `Simulation` of the planar body. It applies the sum of the left and the right torque."""
 
     def __init__(self, config: EnvConfig, num_worlds: int, device: str) -> None:
         self.config = config
@@ -30,7 +30,7 @@ class SagittalSimulation(Simulation):
         self.device = torch.device(device)
         model = build_model(config, 1, "cpu")
         self.geometry = geometry(model)
-        # MuJoCo's compiled model, for the softness of contacts and what it derives from the masses.
+        # MuJoCo's compiled model, for the softness of contacts and for the inverse weights that it derives from the masses.
         self._mujoco = SolverMuJoCo(model).mj_model
         body = segments(model)
         self._body = _constants(body, config, self._mujoco)

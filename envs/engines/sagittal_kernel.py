@@ -1,25 +1,25 @@
 """The stander in the sagittal plane: a Warp kernel that takes N worlds through a whole control step.
 
-Left and right get the same command, so they move as one and the motion stays in the x-z plane. What remains of the body is
-HAT (1), both legs (2) and both feet (3), with five coordinates: place p = (x, z) of the HAT's frame and the forward
-pitches th1, th2, th3. The equations are those that MuJoCo solves for the full body (its documentation, "Computation"),
-written for this motion; nothing is approximated besides, and the two engines differ by rounding alone
+Left and right get the same command, so they move together and the motion stays in the x-z plane. The planar body has three
+segments, HAT (1), both legs (2) and both feet (3), and five coordinates: position p = (x, z) of the HAT's frame and the
+forward pitches th1, th2, th3. The equations are those that MuJoCo solves for the full body (its documentation,
+"Computation"), written for this motion without further approximation; the two engines differ by rounding only
 (tests/envs/engines/test_sagittal.py).
 
-Kinematics. R(th) v = (vx cos th + vz sin th, vz cos th - vx sin th) turns the body's own x-z to the world's; its
+Kinematics. R(th) v = (vx cos th + vz sin th, vz cos th - vx sin th) rotates from the body's x-z axes to the world's; its
 derivative by th is (Rv)' = ((Rv)_z, -(Rv)_x), and the second is -Rv. With b1 from HAT frame to hip, b2 from hip to ankle,
-a_i from the joint above (1: HAT frame) to the centre of mass, capitals turned:
+a_i from the joint above (1: HAT frame) to the centre of mass, capitals rotated:
 
     c1 = p + A1,   c2 = p + B1 + A2,   c3 = p + B1 + B2 + A3,   phi_hip = th2 - th1,   phi_ankle = th3 - th2.
 
 Dynamics. Collecting kinetic energy by the pitches, with m = m1 + m2 + m3 and the first moments
 
-    e1 = m1 a1 + (m2 + m3) b1,   e2 = m2 a2 + m3 b2,   e3 = m3 a3          (E_i turned):
+    e1 = m1 a1 + (m2 + m3) b1,   e2 = m2 a2 + m3 b2,   e3 = m3 a3          (E_i rotated):
 
     M_xx = M_zz = m,  M_x,i = E_iz,  M_z,i = -E_ix,  M_12 = B1.E2,  M_13 = B1.E3,  M_23 = B2.E3,  and constant
     M_11 = I1 + m1 a1^2 + (m2 + m3) b1^2,   M_22 = I2 + m2 a2^2 + m3 b2^2,   M_33 = I3 + m3 a3^2,
 
-plus the armature r of each joint, r (phi')^2 / 2. Since a turning vector V accelerates by -th'^2 V, centripetal terms
+plus the armature r of each joint, r (phi')^2 / 2. Since a rotating vector V accelerates by -th'^2 V, centripetal terms
 leave the generalised forces
 
     F_x = sum E_ix th_i'^2,   F_z = sum E_iz th_i'^2 - m g,
@@ -33,8 +33,6 @@ Contact. Heel and toe are balls at the ends of the sole; envs/engines/sagittal_c
 
 Time step, MuJoCo's semi-implicit Euler with implicit damping d: v += h (M + h d)^-1 (F + contact forces), q += h v.
 """
-
-# Warp reads the annotations of kernels and functions as they stand, and arrays are written to in place.
 
 import warp as wp
 
@@ -96,7 +94,7 @@ def cross_y(v: wp.vec2, w: wp.vec2) -> float:
 
 @wp.func
 def turning_velocity(v: wp.vec2, c: float, s: float, rate: float) -> wp.vec2:
-    """Velocity of the end of a vector that turns by `rate` [rad/s]."""
+    """Velocity of the end of a vector that rotates by `rate` [rad/s]."""
     return wp.vec2(rate * (v[1] * c - v[0] * s), -rate * (v[0] * c + v[1] * s))
 
 
@@ -335,7 +333,7 @@ def advance(
         speed += dt * solve(mass, made)
         at += dt * speed
 
-    # A diverged world is marked, and its memory left as it was before the step.
+    # A diverged world is marked, and its state stays as before the step.
     finite_and_slow = wp.max(wp.abs(speed)) < top_speed and wp.isfinite(speed) and wp.isfinite(at)
     diverged[world] = not finite_and_slow
     if not finite_and_slow:
@@ -344,7 +342,7 @@ def advance(
     qd[world] = speed
     qdd[world] = guess
     write_outputs(world, body, at, speed, joint_angle, joint_velocity, body_pose, body_velocity)
-    # The rows of friction carry mu; a side has half of everything.
+    # The rows of friction include mu; each side has half of the force.
     heel_force = wp.vec3(0.5 * mu * forces[1], 0.0, 0.5 * forces[0])
     toe_force = wp.vec3(0.5 * mu * forces[3], 0.0, 0.5 * forces[2])
     heel_local = rotated(heel_at, foot_c, -foot_s) - body.foot_frame
