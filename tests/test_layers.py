@@ -21,12 +21,8 @@ LIGHT = [
 ]
 SIMULATORS = ["torch", "warp", "newton", "mujoco"]
 
-# Still to be done.
 NEEDS_A_SIMULATOR = {
-    "posture.reproduce.page.document",
-    "posture.reproduce.page.provenance",
-    "posture.reproduce.page.tables",
-    "posture.reproduce.results",
+    "posture.reproduce.collect",
 }
 
 # Prints, for each module named on the command line that does not import where no simulator is installed, which one it wants.

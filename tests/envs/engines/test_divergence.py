@@ -72,7 +72,7 @@ def harmed(env, harm, action):
         ("torque of 1e7", "null"),
     ],
 )
-def test_a_broken_world_ends_alone_and_is_healed(make, harm, reward_of_an_end):
+def test_a_broken_world_ends_alone_and_is_reset(make, harm, reward_of_an_end):
     """It ends in the same step, early even where that is its episode's last; all that comes out is finite; its neighbours
     are the bits they are without it; afterwards it moves as one that has never moved."""
     before, after = actions(6), actions(8, size=0.1)
@@ -107,7 +107,7 @@ def test_a_broken_world_ends_alone_and_is_healed(make, harm, reward_of_an_end):
 
 
 def test_half_a_turn_in_a_physics_step_is_too_fast(engine, env_config):
-    """In flight at 0.9 of the bound a world moves on; at 1.1 it has diverged, and shows what it was before."""
+    """In flight at 0.9 of the bound a world moves; at 1.1 it has diverged, and its outputs are those before the step."""
     config = env_config(f"env.physics={engine}")
     bound = top_speed(config)
     assert bound == pytest.approx(math.pi / (0.0166 / 2))  # of two steps in 16.6 ms: 378 m/s

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from envs.engines.factory import simulate
-from tests.envs.engines.test_sagittal import SHOWN, both_sides, seen
+from tests.envs.engines.test_sagittal import OUTPUTS, both_sides, seen
 
 
 @pytest.fixture(params=["sagittal", "mujoco", "mujoco_c"])
@@ -21,7 +21,7 @@ def pushes(number, worlds):
 
 
 def assert_equal(sim, worlds, other, others=None):
-    for name in SHOWN:
+    for name in OUTPUTS:
         assert torch.equal(getattr(sim, name)[worlds], getattr(other, name)[worlds if others is None else others]), name
 
 
@@ -87,14 +87,14 @@ def test_a_saved_state_is_continued_exactly(make):
     torques = pushes(20, 3)
     for i, torque in enumerate(torques[:10]):
         sim.step(torque * torch.tensor([[1.0], [math.nan if i == 9 else 1.0], [1.0]]))
-    saved, shown = sim.state_dict(), seen(sim)
+    saved, outputs = sim.state_dict(), seen(sim)
     for torque in torques[10:]:
         sim.step(torque)
     other.step(torques[0])
     other.load_state_dict(saved)
     assert other.diverged.tolist() == [False, True, False]
     for name, value in seen(other).items():
-        assert np.allclose(value, shown[name], atol=2e-6 if name.startswith("body") else 0.0, rtol=0), name
+        assert np.allclose(value, outputs[name], atol=2e-6 if name.startswith("body") else 0.0, rtol=0), name
     for torque in torques[10:]:
         other.step(torque)
     assert_equal(other, [0, 2], sim)

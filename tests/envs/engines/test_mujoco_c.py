@@ -15,9 +15,11 @@ from envs.engines.sagittal import SagittalSimulation
 from posture.config.errors import ConfigError
 from tests.conftest import compose, compose_eval
 from tests.envs.engines.test_sagittal import (
+    C_AGREES,
     FLAT,
     GRAVITY,
-    SHOWN,
+    NEWTON_AGREES,
+    OUTPUTS,
     STEPS,
     TRIALS,
     Mechanics,
@@ -59,12 +61,12 @@ def torques(trial, name):
 
 
 def steps(sim, pairs):
-    """What is shown after each control step under these torques of hip and ankle: {name: (steps, ...)}, of world 0."""
-    shown = []
+    """The outputs after each control step under these torques of hip and ankle: {name: (steps, ...)}, of world 0."""
+    outputs = []
     for pair in pairs:
         sim.step(both_sides(pair).expand(sim.num_worlds, -1))
-        shown.append({name: value[0] for name, value in seen(sim).items()})
-    return {name: np.stack([each[name] for each in shown]) for name in SHOWN}
+        outputs.append({name: value[0] for name, value in seen(sim).items()})
+    return {name: np.stack([each[name] for each in outputs]) for name in OUTPUTS}
 
 
 # -- against the references ------------------------------------------------------------------------------------------------
@@ -72,7 +74,7 @@ def steps(sim, pairs):
 
 @pytest.mark.parametrize("name", TRIALS)
 def test_agrees_with_the_solver_driven_by_hand(config, name):
-    """Apart from what is shown in single precision. The reference keeps MuJoCo's own limits of iterations, 100 and 50, so
+    """Up to the single precision of the outputs. The reference keeps MuJoCo's own limits of iterations, 100 and 50, so
     that the configured ones are seen to be enough."""
     trial = TRIALS[name]
     own, pairs = own_config(config, trial), torques(trial, name)
@@ -81,8 +83,8 @@ def test_agrees_with_the_solver_driven_by_hand(config, name):
     for hip, ankle in pairs:
         reference.step([hip, ankle] * 2, config.solver.substeps)
         history.append(reference.read())
-    for key in SHOWN:
-        exact = np.stack([shown[key] for shown in history])
+    for key in OUTPUTS:
+        exact = np.stack([outputs[key] for outputs in history])
         assert found[key] == pytest.approx(exact, rel=1e-6, abs=1e-7), key
 
 
@@ -95,37 +97,14 @@ def test_agrees_with_the_solver_driven_by_hand_where_left_and_right_differ(confi
         sim.step(torch.from_numpy(push)[None])
         reference.step(push, config.solver.substeps)
         exact = reference.read()
-        for key in SHOWN:
+        for key in OUTPUTS:
             assert seen(sim)[key][0] == pytest.approx(exact[key], rel=1e-6, abs=1e-7), key
         sideways.append(exact["body_velocity"][0, [1, 3, 5]])
     assert np.abs(sideways).max(0).min() > 0.01  # [m/s], [rad/s], [rad/s]: it did leave the sagittal plane
 
 
-SAGITTAL_AGREES = {
-    "joint_angle": 1.5e-6,
-    "joint_velocity": 6e-5,
-    "joint_force": 1.5e-4,
-    "body_pose": 1.5e-6,
-    "body_velocity": 6e-5,
-    "sole_force": 0.03,
-    "sole_position": 4e-7,
-}
-SPATIAL_AGREES = {
-    "joint_angle": 5e-6,
-    "joint_velocity": 1e-4,
-    "joint_force": 6e-4,
-    "body_pose": 1e-5,
-    "body_velocity": 1e-4,
-    "sole_force": 0.06,
-    "sole_position": 2e-6,
-}
-"""Largest differences over half a second that single precision leaves [rad, rad/s, Nm, m, m/s, N]."""
-
-
 @pytest.mark.parametrize("name", ["flight", "swaying", "over the toe", "landing", "soft hips", "soft ankles", "loaded"])
-@pytest.mark.parametrize(
-    ("engine", "agrees"), [(SagittalSimulation, SAGITTAL_AGREES), (NewtonMujocoSimulation, SPATIAL_AGREES)]
-)
+@pytest.mark.parametrize(("engine", "agrees"), [(SagittalSimulation, C_AGREES), (NewtonMujocoSimulation, NEWTON_AGREES)])
 def test_agrees_with_the_other_engines(config, engine, agrees, name):
     trial = TRIALS[name]
     own, pairs = own_config(config, trial), torques(trial, name)
@@ -139,7 +118,7 @@ def test_agrees_with_the_other_engines(config, engine, agrees, name):
 def test_starts_as_the_other_engines_do(config, other):
     ours, theirs = (simulate(config.model_copy(update={"physics": name}), 2, "cpu") for name in ("mujoco_c", other))
     assert isinstance(ours, MujocoCSimulation)
-    for name in SHOWN:
+    for name in OUTPUTS:
         a, b = getattr(ours, name), getattr(theirs, name)
         assert a.dtype == b.dtype and torch.allclose(a, b, atol=2e-7, rtol=0), name
     assert ours.geometry.heel_x == theirs.geometry.heel_x and np.array_equal(ours.geometry.head, theirs.geometry.head)
@@ -185,7 +164,7 @@ def test_joint_force_by_hooke_and_the_damper(config):
     assert sim.joint_force[0].tolist() == pytest.approx([hip + 1.0, ankle + 2.0, hip + 3.0, ankle + 4.0], abs=1e-5)
 
 
-def test_velocities_are_those_of_the_shown_places(config):
+def test_velocities_are_those_of_the_positions(config):
     """Of each body's centre of mass and attitude, by differences over a step of 10 us."""
     tiny = config.model_copy(update={"control_dt": 1e-5, "solver": config.solver.model_copy(update={"substeps": 1})})
     sim, dt = set_out(tiny, *(TRIALS["flight"].q, TRIALS["flight"].qd)), 1e-5
@@ -195,10 +174,10 @@ def test_velocities_are_those_of_the_shown_places(config):
         data = sim._data[0]  # in double precision, and placed by MuJoCo's kinematics
         places.append((data.xipos[1:].copy(), data.xmat[1:].reshape(-1, 3, 3).copy()))
     (before, attitude), (after, later) = places
-    shown = sim.body_velocity[0].numpy()
-    assert shown[:, :3] == pytest.approx((after - before) / dt, abs=2e-3)
+    outputs = sim.body_velocity[0].numpy()
+    assert outputs[:, :3] == pytest.approx((after - before) / dt, abs=2e-3)
     turn = (later - attitude) / dt @ attitude.transpose(0, 2, 1)  # the cross-product matrix of the angular velocity
-    assert shown[:, 3:] == pytest.approx(np.stack([turn[:, 2, 1], turn[:, 0, 2], turn[:, 1, 0]], -1), abs=2e-3)
+    assert outputs[:, 3:] == pytest.approx(np.stack([turn[:, 2, 1], turn[:, 0, 2], turn[:, 1, 0]], -1), abs=2e-3)
 
 
 # -- robustness ------------------------------------------------------------------------------------------------------------
@@ -218,7 +197,7 @@ def test_a_world_that_mujoco_would_reset_has_diverged(config, size, tmp_path, mo
     sim.step(torch.stack([torch.full((4,), size), pushes[0, 1]]))
     calm.step(pushes[0])
     assert sim.diverged.tolist() == [True, False] and finite(sim)
-    for name in SHOWN:
+    for name in OUTPUTS:
         assert np.array_equal(seen(sim)[name][0], before[name][0]), name
         assert torch.equal(getattr(sim, name)[1], getattr(calm, name)[1]), name
     sim.reset(torch.tensor([True, False]))
@@ -226,7 +205,7 @@ def test_a_world_that_mujoco_would_reset_has_diverged(config, size, tmp_path, mo
     for push in pushes:
         for each in (sim, calm, fresh):
             each.step(push)
-    for name in SHOWN:
+    for name in OUTPUTS:
         assert torch.equal(getattr(sim, name)[0], getattr(fresh, name)[0]), name
         assert torch.equal(getattr(sim, name)[1], getattr(calm, name)[1]), name
     assert not list(tmp_path.iterdir()) and capfd.readouterr().err == ""
