@@ -15,9 +15,9 @@ help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 	@echo "Arguments: make train ARGS='env.freq=0.4 seed=1'; another interpreter: PYTHON=python3.12"
 
-setup: $(STAMP) ## create .venv and install (redone when pyproject.toml or constraints.txt change)
+setup: $(STAMP) ## create .venv and install (again when pyproject.toml, setup.py or constraints.txt change)
 
-$(STAMP): pyproject.toml constraints.txt
+$(STAMP): pyproject.toml setup.py constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
 		echo "posture needs Python >= 3.11, but PYTHON=$(PYTHON) is $$($(PYTHON) --version 2>&1 | head -n 1);" \
 			"name a newer one, e.g. make setup PYTHON=python3.11" >&2; exit 1; }

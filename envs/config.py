@@ -12,9 +12,9 @@ from envs.task.observations import TERMS
 MIN_FREQ_HZ, MAX_FREQ_HZ = 0.001, 10.0
 """Frequencies of the target [Hz]: a period is 1000 s at most."""
 STEPS_A_PERIOD = 6
-"""With fewer control steps in a period the target is no longer a motion to follow."""
+"""With fewer control steps in a period the target is not a motion that can be followed."""
 MAX_PHYSICS_STEP_S = 0.01
-"""Half the time constant of contact in humanoid.xml [s]: with longer steps the engines would soften the ground unasked."""
+"""Half the time constant of contact in humanoid.xml [s]: with longer steps the engines soften the ground."""
 
 
 class Strict(BaseModel):
@@ -24,7 +24,7 @@ class Strict(BaseModel):
 
     @field_validator("*", mode="before")
     @classmethod
-    def _no_truth_for_a_number(cls, value: Any, info: ValidationInfo) -> Any:
+    def _no_boolean_for_a_number(cls, value: Any, info: ValidationInfo) -> Any:
         if cls.model_fields[str(info.field_name)].annotation is not bool:
             for part in value if isinstance(value, (list, tuple)) else (value,):
                 if isinstance(part, bool):
@@ -32,7 +32,7 @@ class Strict(BaseModel):
         return value
 
 
-# Upper ends are far beyond what makes sense, and within what physics in single precision stands: springs are integrated
+# Upper bounds are far beyond useful values, and low enough for physics in single precision: springs are integrated
 # explicitly, and stiffer ones would be unstable at the longest physics step without armature and damping.
 Freq = Annotated[float, Field(ge=MIN_FREQ_HZ, le=MAX_FREQ_HZ)]
 Seconds = Annotated[float, Field(gt=0, le=100_000)]
@@ -46,7 +46,7 @@ Physics = Literal["sagittal", "mujoco", "mujoco_c"]
 
 
 class Ramp(Strict):
-    """A target whose frequency changes linearly: `start` [Hz], `rate` [Hz/s], for `duration` [s], then holds."""
+    """A target whose frequency changes linearly: `start` [Hz], `rate` [Hz/s], for `duration` [s], then is constant."""
 
     start: Annotated[float, Field(ge=0, le=MAX_FREQ_HZ)]
     rate: Annotated[float, Field(ge=-MAX_FREQ_HZ, le=MAX_FREQ_HZ)]
@@ -101,7 +101,7 @@ class RewardConfig(Strict):
 
 
 class TerminationConfig(Strict):
-    """What ends an episode early; null: it does not."""
+    """What ends an episode early; None: it does not."""
 
     fall_height: Annotated[float, Field(gt=0, le=1.2)]  # the torso stands at 1.29 m
     foot_motion: Annotated[float, Field(gt=0, le=1)] | None
@@ -109,7 +109,7 @@ class TerminationConfig(Strict):
 
 
 class SolverConfig(Strict):
-    """Time step and contact of all engines; rows and contacts are of SolverMuJoCo alone."""
+    """Time step and contact of all engines; `constraint_rows` and `contacts` are for SolverMuJoCo only."""
 
     substeps: Annotated[int, Field(ge=1, le=100)]
     iterations: Annotated[int, Field(ge=1, le=1000)]

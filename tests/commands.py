@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import torch
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 
@@ -45,6 +46,8 @@ TINY_THEORY = [
     "figure_13={hip_k: [50, 100], freq: [0.3, 0.5], step: 0.2}",
     "around={ankle_k: [25], load: [0], tolerance: [0.025]}",
 ]
+CONSTANT = ["env.reward.stay_weight=1.5", "env.reward.target_weight=1.5", "env.reward.ended=-9"]
+"""Schedules last as long as the training that began them; without them trainings of different lengths can be compared."""
 ENTRIES = {
     "train": (TrainConfig, train),
     "eval": (EvalConfig, evaluate_all),
@@ -100,3 +103,12 @@ def table(path):
 
 def runs():
     return sorted(path for path in Path("runs").glob("*") if path.is_dir())
+
+
+def same(a, b):
+    """Whether two checkpoints hold the same numbers, bit for bit."""
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, (list, tuple)):
+        return len(a) == len(b) and all(map(same, a, b))
+    return torch.equal(a, b) if isinstance(a, torch.Tensor) else a == b

@@ -9,7 +9,7 @@ from zipfile import ZipFile
 
 import pytest
 
-from tests.commands import TINY, TINY_THEORY
+from tests.commands import EVALUATION, TINY, TINY_THEORY
 
 ROOT = Path(__file__).parents[1]
 PIP = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check"]
@@ -77,6 +77,10 @@ def test_from_another_folder(site: Path, tmp_path: Path) -> None:
     assert [Path(line).parents[1] for line in where.stdout.split()] == [site, site]
     works(site, tmp_path, "posture.theory", *TINY_THEORY, "out=theory")
     assert list(tmp_path.glob("theory/*.csv"))
+    program = subprocess.run(
+        [site / "bin" / "posture", "--version"], env={**os.environ, "PYTHONPATH": str(site)}, text=True, capture_output=True
+    )
+    assert program.stdout.strip() == "0.1.0", program.stderr
     refused = installed(site, tmp_path, "-m", "posture.train", "env.hipk=5")
     assert refused.returncode == 2
     assert refused.stderr.startswith("error: ") and len(refused.stderr.splitlines()) == 1
@@ -88,10 +92,9 @@ def test_every_command(site: Path, tmp_path: Path) -> None:
     works(site, tmp_path, "posture.train", *TINY)
     (run,) = (tmp_path / "runs").iterdir()
     assert (run / "evaluation" / "metrics.csv").exists()
-    evaluation = [option for option in TINY if option.startswith("evaluation")]
-    works(site, tmp_path, "posture.eval", "ckpt=pretrained/default", "out=evaluation", *evaluation)
+    works(site, tmp_path, "posture.eval", "ckpt=pretrained/default", "out=evaluation", *EVALUATION)
     assert (tmp_path / "evaluation" / "metrics.csv").exists()
-    works(site, tmp_path, "posture.export", "out=export", *evaluation)
+    works(site, tmp_path, "posture.export", "out=export", *EVALUATION)
     assert list(tmp_path.glob("export/*.onnx"))
     works(site, tmp_path, "posture.film", "out=film", "width=120", "fps=6", "settle=0", "films=[two_modes]")
     assert list(tmp_path.glob("film/*.mp4"))

@@ -1,4 +1,4 @@
-"""A test that may hang ends by itself."""
+"""A time limit for tests that could hang."""
 
 import contextlib
 import signal
@@ -6,7 +6,7 @@ import signal
 
 @contextlib.contextmanager
 def at_most(seconds):
-    """Raise TimeoutError in the body of this `with` after so many seconds."""
+    """Context manager that raises TimeoutError after this many seconds."""
 
     def expire(*_):
         raise TimeoutError(f"not done within {seconds} s")

@@ -2,7 +2,7 @@
 
 Frames and signs, stated once for the whole project: x forward, y left, z up; the sagittal plane is x-z. Joint axes point
 along +y and angles are those of the child relative to its parent, so hip flexion is negative, and the ankle is negative
-when the body leans forward. Joints stand in the order of `JOINTS`.
+when the body leans forward. Joints are in the order of `JOINTS`.
 """
 
 from dataclasses import dataclass
@@ -16,20 +16,20 @@ from newton.solvers import SolverMuJoCo
 from envs.body.joints import BODIES, JOINTS
 from envs.config import EnvConfig
 
-# Warp would report every kernel module that it loads, some fifty lines.
+# Otherwise Warp prints a line for each of some fifty kernel modules that it loads.
 warp.config.log_level = warp.LOG_ERROR
 
 MJCF = Path(__file__).with_name("humanoid.xml")
 
 
 def build_model(config: EnvConfig, num_worlds: int, device: str) -> newton.Model:
-    """Newton model of `num_worlds` standers, each on ground of its own, with the springs, damping and armature of `config`.
+    """Newton model of `num_worlds` standers, each on its own ground, with the springs, damping and armature of `config`.
 
-    Per-world stiffness and load are set afterwards, through the simulation: the model need not be rebuilt.
+    Stiffness and load of single worlds are set later by the simulation, without a new model.
     """
     stander = newton.ModelBuilder()
     SolverMuJoCo.register_custom_attributes(stander)
-    # No detection of contact ahead of touch, as in the MJCF read by MuJoCo itself.
+    # Contacts are detected at touch, not before, as when MuJoCo reads the MJCF.
     stander.default_shape_cfg.gap = 0.0
     stander.default_shape_cfg.mu = config.friction
     stander.add_mjcf(str(MJCF))
@@ -47,7 +47,7 @@ def build_model(config: EnvConfig, num_worlds: int, device: str) -> newton.Model
 
 @dataclass(frozen=True)
 class Geometry:
-    """Places of the body that the task and its indices need, read from the model.
+    """Positions on the body that the task and the analysis need, read from the model.
 
     head: head centre in the HAT frame [m], shape (3,). hat_com: centre of mass of the HAT in the same frame [m], (3,).
     heel_x, toe_x: ends of the sole's contact line in the foot frame [m], which bound the centre of pressure.
@@ -79,7 +79,7 @@ def geometry(model: newton.Model) -> Geometry:
 
 
 def _check_order(builder: newton.ModelBuilder) -> None:
-    """Every tensor view of the state relies on the order of bodies and joints: fail here, not silently later."""
+    """Raise RuntimeError unless bodies and joints are in the order that every view of the state relies on."""
     bodies = tuple(label.rsplit("/", 1)[-1] for label in builder.body_label)
     joints = tuple(label.rsplit("/", 1)[-1] for label in builder.joint_label)
     if bodies != BODIES or joints != ("root", *JOINTS):

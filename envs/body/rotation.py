@@ -4,14 +4,14 @@ import torch
 
 
 def rotate(quaternion: torch.Tensor, vector: torch.Tensor) -> torch.Tensor:
-    """`vector` (..., 3) turned by `quaternion` (..., 4), of as many dimensions each; broadcast. Shape (..., 3)."""
+    """`vector` (..., 3) rotated by `quaternion` (..., 4), with equal numbers of dimensions; broadcast. Shape (..., 3)."""
     axis, w = quaternion[..., :3], quaternion[..., 3:]
     twice = 2.0 * torch.linalg.cross(axis, vector, dim=-1)
     return vector + w * twice + torch.linalg.cross(axis, twice, dim=-1)
 
 
 def pitch(quaternion: torch.Tensor) -> torch.Tensor:
-    """Forward lean [rad]: angle of the turned z axis from the vertical in the x-z plane. (..., 4) -> (...)."""
+    """Forward lean [rad]: angle of the rotated z axis from the vertical in the x-z plane. (..., 4) -> (...)."""
     x, y, z, w = quaternion.unbind(-1)
     return torch.atan2(2 * (x * z + w * y), 1 - 2 * (x * x + y * y))
 
@@ -29,6 +29,6 @@ def yaw(quaternion: torch.Tensor) -> torch.Tensor:
 
 
 def upright(quaternion: torch.Tensor) -> torch.Tensor:
-    """Vertical component of the turned z axis, 1 when upright. (..., 4) -> (...)."""
+    """Vertical component of the rotated z axis, 1 when upright. (..., 4) -> (...)."""
     x, y = quaternion[..., 0], quaternion[..., 1]
     return 1 - 2 * (x * x + y * y)

@@ -1,4 +1,4 @@
-"""The stander's segments in the sagittal plane, read from its Newton model: what planar mechanics and theory start from."""
+"""The stander's segments in the sagittal plane, read from its Newton model, for planar mechanics and theory."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """Masses, inertias and places of HAT, both legs together and both feet together, without springs and load.
+    """Masses, inertias and geometry of HAT, both legs together and both feet together, without springs and load.
 
     hat_mass, leg_mass, foot_mass [kg]. hat_inertia, leg_inertia, foot_inertia: about y through centres of mass [kg m2].
-    Places are (x, z) [m] along the segment's own axes, which are the world's when upright: hat_com, hat_frame and head from
-    the hip; leg_com, leg_frame and hip from the ankle; foot_com, foot_frame, heel and toe (centres of the balls at the ends
-    of the sole) from the ankle. sole_radius: of those balls [m]. half_width: distance of the frames of leg and foot from the
-    midplane [m], (2,). gravity [m/s2].
+    Positions are (x, z) [m] along the segment's own axes, which are the world's when upright: hat_com, hat_frame and head
+    from the hip; leg_com, leg_frame and hip from the ankle; foot_com, foot_frame, heel and toe (centres of the balls at the
+    ends of the sole) from the ankle. sole_radius: of those balls [m]. half_width: distance of the frames of leg and foot
+    from the midplane [m], (2,). gravity [m/s2].
     """
 
     hat_mass: float
@@ -71,7 +71,7 @@ class Segments:
 
 def segments(model: newton.Model) -> Segments:
     """The segments of one stander of `model`, of which all worlds are copies."""
-    # Only here, so that what is computed from the result needs no simulator.
+    # Imported here because users of `Segments` need no simulator.
     from envs.body.model import geometry
 
     plane = [0, 2]
@@ -85,7 +85,7 @@ def segments(model: newton.Model) -> Segments:
     sole = [label.rsplit("/", 1)[-1] for label in model.shape_label].index("sole_left")
     sole_z = float(model.shape_transform.numpy()[sole][2])
     foot_frame = -in_child[ANKLE]
-    # Hip and ankle lie as far from the midplane as the frames they are seen from.
+    # Distance of hip and ankle from the midplane: that of the parent's frame plus the offset in it.
     hip_y = float(in_parent[HIP][1] - in_child[HIP][1])
     ankle_y = hip_y + float(in_parent[ANKLE][1] - in_child[ANKLE][1])
     return Segments(

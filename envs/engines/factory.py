@@ -1,4 +1,4 @@
-"""The choice between the physics engines."""
+"""Builds the configured physics engine; only that engine's libraries are imported."""
 
 from envs.config import EnvConfig
 from envs.engines.interface import Simulation
@@ -14,6 +14,6 @@ def simulate(config: EnvConfig, num_worlds: int, device: str) -> Simulation:
         from envs.engines.mujoco_c import MujocoCSimulation
 
         return MujocoCSimulation(config, num_worlds, device)
-    from envs.engines.solver_mujoco import SpatialSimulation
+    from envs.engines.newton_mujoco import NewtonMujocoSimulation
 
-    return SpatialSimulation(config, num_worlds, device)
+    return NewtonMujocoSimulation(config, num_worlds, device)

@@ -8,6 +8,9 @@ import torch
 from envs.body.model import Geometry
 from envs.config import EnvConfig
 
+SUBJECT = ("hip_k", "ankle_k", "load")
+"""What may differ from world to world."""
+
 
 class Simulation(Protocol):
     """N worlds advanced by whole control steps under joint torques; reset, stiffness and load world by world.
@@ -23,7 +26,9 @@ class Simulation(Protocol):
             last substep; zero after a reset, before the first step.
         sole_position: (N, 2, 2, 3) where it acts, in the foot frame [m]; without meaning where there is no force.
         hip_k, ankle_k, load: (N,) [Nm/rad per joint], [Nm/rad per joint], [kg].
-        geometry: `envs.body.model.Geometry` of the stander.
+        diverged: (N,) bool, worlds whose last step did not lead to finite values below `top_speed`; they need a reset. The
+            tensors above then still hold the values before that step, so they are finite.
+    geometry: `envs.body.model.Geometry` of the stander.
     """
 
     config: EnvConfig
@@ -40,22 +45,16 @@ class Simulation(Protocol):
     hip_k: torch.Tensor
     ankle_k: torch.Tensor
     load: torch.Tensor
-
-    @property
-    def diverged(self) -> torch.Tensor:
-        """(N,) bool, worlds whose last step did not come to finite values below `top_speed`; they need a reset.
-
-        All that is shown of such a world is what it was before that step, so it is finite.
-        """
+    diverged: torch.Tensor
 
     def step(self, torque: torch.Tensor) -> None:
         """Advance every world by one control step under constant actuator torques, shape (N, 4) [Nm]."""
 
     def reset(self, mask: torch.Tensor) -> None:
-        """Stand the worlds of `mask` (N,) bool upright and at rest, as they were when the model was built.
+        """Put the worlds of `mask` (N,) bool upright and at rest, as they were when the model was built.
 
-        Also clears what the solver carries from step to step, so that a world that had diverged is healed, and moves bit
-        for bit like a fresh one.
+        Also clears what the solver keeps from step to step: a world that had diverged recovers, and moves bit for bit like a
+        new one.
         """
 
     def set_subject(
@@ -68,35 +67,54 @@ class Simulation(Protocol):
 
         The load is a point mass at the centre of mass of the HAT: it adds mass and no inertia about that centre.
         """
+        given = {"hip_k": hip_k, "ankle_k": ankle_k, "load": load}
+        changes = {name: value for name, value in given.items() if value is not None}
+        for name, value in changes.items():
+            if value.shape != (self.num_worlds,) or not bool((value >= 0).all()) or not bool(value.isfinite().all()):
+                raise ValueError(f"{name}: expected {self.num_worlds} finite values of at least 0, one per world")
+        for name, value in changes.items():
+            getattr(self, name).copy_(value)
+        if hip_k is not None or ankle_k is not None:
+            self._apply_stiffness()
+        if load is not None:
+            self._apply_load()
 
     def check_capacity(self) -> None:
-        """Raise `ConstraintOverflowError`, which names the size needed, if contacts or constraint rows were dropped in any
+        """Raise `ConstraintOverflowError`, which states the size needed, if contacts or constraint rows were dropped in any
         step so far."""
 
     def state_dict(self) -> dict[str, torch.Tensor]:
         """All that the next step depends on, warm start and sensor readings included, as copies."""
+        return {name: tensor.clone() for name, tensor in self._saved().items()}
 
     def load_state_dict(self, state: dict[str, torch.Tensor]) -> None:
         """Put the worlds back exactly as `state_dict` found them."""
+        self.set_subject(**{name: state[name] for name in SUBJECT})
+        for name, tensor in self._saved().items():
+            tensor.copy_(state[name])
+        self._restore(state)
+
+    def _apply_stiffness(self) -> None:
+        """Bring `hip_k` and `ankle_k` into the model."""
+
+    def _apply_load(self) -> None:
+        """Bring `load` into the model."""
+
+    def _saved(self) -> dict[str, torch.Tensor]:
+        """The tensors that `state_dict` copies."""
+
+    def _restore(self, state: dict[str, torch.Tensor]) -> None:
+        """Update what follows from the saved tensors, after they were put back."""
 
 
 class ConstraintOverflowError(RuntimeError):
-    """The solver dropped contacts or constraints: what it computed is not the physics that was asked for."""
+    """The solver dropped contacts or constraints, so its result is not the configured physics."""
 
 
 def top_speed(config: EnvConfig) -> float:
     """The speed [m/s], [rad/s] of body or joint at which a world has diverged: half a turn in one physics step.
 
-    Beyond it the sense of a rotation can no longer be told from one step to the next, so the steps are no motion. The
-    same number bounds metres per second, at which a point one metre, about a segment's length, from the axis moves then.
+    Beyond it the direction of a rotation cannot be determined from one step to the next. The same number bounds metres per
+    second: it is the speed of a point one metre, about a segment's length, from the axis.
     """
     return math.pi * config.solver.substeps / config.control_dt
-
-
-def check_subject(num_worlds: int, **values: torch.Tensor | None) -> None:
-    """Raise ValueError where a stiffness or load is not one finite number of at least 0 a world."""
-    for name, value in values.items():
-        if value is None:
-            continue
-        if value.shape != (num_worlds,) or not bool((value >= 0).all()) or not bool(value.isfinite().all()):
-            raise ValueError(f"{name}: expected {num_worlds} finite values of at least 0, one per world")

@@ -1,8 +1,7 @@
 """N standers in MuJoCo's own C solver, in double precision, the full three-dimensional body: to evaluate policies in.
 
-It reads envs/body/humanoid.xml itself, without Newton in between. Worlds are stepped one after the other on the CPU, so
-this is
-for tens of them, not for training. Tensors are shown in single precision; the state is kept, and saved, in double.
+It reads envs/body/humanoid.xml without Newton. Worlds are stepped one after the other on the CPU, so it is for tens of
+worlds, not for training. The tensors are in single precision; the state is kept and saved in double.
 """
 
 from collections.abc import Iterator
@@ -15,10 +14,10 @@ import torch
 from envs.body.joints import ANKLES, BODIES, FEET, HIPS, JOINTS
 from envs.body.model import MJCF, build_model, geometry
 from envs.config import EnvConfig
-from envs.engines.interface import ConstraintOverflowError, check_subject, top_speed
+from envs.engines.interface import SUBJECT, ConstraintOverflowError, Simulation, top_speed
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-"""All that mj_step depends on, qacc_warmstart included."""
+"""Everything that mj_step depends on, qacc_warmstart included."""
 _BAD = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{name}")) for name in ("QPOS", "QVEL", "QACC")]
 _FULL = [int(getattr(mujoco.mjtWarning, f"mjWARN_{name}FULL")) for name in ("CONTACT", "CNSTR")]
 
@@ -41,7 +40,7 @@ def build(config: EnvConfig) -> tuple[mujoco.MjModel, mujoco.MjData]:
     return model, data
 
 
-class MujocoCSimulation:
+class MujocoCSimulation(Simulation):
     """The `Simulation` of the full body in MuJoCo's C solver; every world has a model of its own."""
 
     def __init__(self, config: EnvConfig, num_worlds: int, device: str) -> None:
@@ -55,16 +54,10 @@ class MujocoCSimulation:
         made = [build(unloaded) for _ in range(num_worlds)]
         self._models, self._data = [model for model, _ in made], [data for _, data in made]
         self._top_speed = top_speed(config)
-        self._find_places()
+        self._find_indices()
         self._allocate()
-        self.set_subject(
-            hip_k=torch.full((num_worlds,), config.hip_k),
-            ankle_k=torch.full((num_worlds,), config.ankle_k),
-            load=torch.full((num_worlds,), config.load),
-        )
+        self.set_subject(**{name: torch.full((num_worlds,), getattr(config, name)) for name in SUBJECT})
         self.reset(torch.ones(num_worlds, dtype=torch.bool))
-
-    # -- what happens to it ------------------------------------------------------------------------------------------
 
     def step(self, torque: torch.Tensor) -> None:
         """See `Simulation`."""
@@ -77,51 +70,26 @@ class MujocoCSimulation:
                 mujoco.mj_step(model, data, self.config.solver.substeps)
                 warned = data.warning.number
                 self._dropped[world] |= bool(warned[_FULL].any())
-                # MuJoCo itself calls only what is not finite, or above 1e10, bad.
-                self._diverged[world] = bool(warned[_BAD].any() or not np.abs(data.qvel).max() < self._top_speed)
-                if self._diverged[world]:
-                    # MuJoCo may have stood the world upright again as if nothing had been: take it back to before the step.
+                # MuJoCo warns of values that are not finite or above 1e10.
+                self.diverged[world] = bool(warned[_BAD].any() or not np.abs(data.qvel).max() < self._top_speed)
+                if self.diverged[world]:
+                    # MuJoCo may have reset the world by itself: restore the state before the step.
                     mujoco.mj_resetData(model, data)
                     mujoco.mj_setState(model, data, before, _STATE)
                     continue
                 self._read_sensors(world)
-                self._place(world)
-        self._show_velocities()
+                self._write_outputs(world)
+        self._write_velocities()
 
     def reset(self, mask: torch.Tensor) -> None:
         """See `Simulation`."""
         for world in mask.nonzero().flatten().tolist():
             mujoco.mj_resetData(self._models[world], self._data[world])
-            self._place(world)
+            self._write_outputs(world)
         for sensor in (self.sole_force, self.sole_position, self.joint_force):
             sensor[mask] = 0.0
-        self._diverged[mask] = False
-        self._show_velocities()
-
-    def set_subject(
-        self,
-        hip_k: torch.Tensor | None = None,
-        ankle_k: torch.Tensor | None = None,
-        load: torch.Tensor | None = None,
-    ) -> None:
-        """See `Simulation`."""
-        check_subject(self.num_worlds, hip_k=hip_k, ankle_k=ankle_k, load=load)
-        for name, value in (("hip_k", hip_k), ("ankle_k", ankle_k), ("load", load)):
-            if value is not None:
-                getattr(self, name).copy_(value)
-        for world, model in enumerate(self._models):
-            model.jnt_stiffness[self._hinges[HIPS]] = float(self.hip_k[world])
-            model.jnt_stiffness[self._hinges[ANKLES]] = float(self.ankle_k[world])
-            if load is not None:
-                model.body_mass[self._bodies[BODIES.index("hat")]] = self._nominal_mass + float(self.load[world])
-                mujoco.mj_setConst(model, self._scratch)  # the softness of contacts depends on mass
-
-    # -- what can be read --------------------------------------------------------------------------------------------
-
-    @property
-    def diverged(self) -> torch.Tensor:
-        """See `Simulation`. Such a world is left as it was before the step."""
-        return self._diverged
+        self.diverged[mask] = False
+        self._write_velocities()
 
     def check_capacity(self) -> None:
         """See `Simulation`."""
@@ -130,26 +98,29 @@ class MujocoCSimulation:
 
     def state_dict(self) -> dict[str, torch.Tensor]:
         """See `Simulation`."""
-        state = np.zeros((self.num_worlds, self._state_size))
-        for model, data, row in zip(self._models, self._data, state, strict=True):
+        for model, data, row in zip(self._models, self._data, self._state.numpy(), strict=True):
             mujoco.mj_getState(model, data, row, _STATE)
-        return {"mujoco": torch.from_numpy(state), **{name: tensor.clone() for name, tensor in self._shown().items()}}
+        return super().state_dict()
 
-    def load_state_dict(self, state: dict[str, torch.Tensor]) -> None:
-        """See `Simulation`."""
-        self.set_subject(**{name: state[name] for name in ("hip_k", "ankle_k", "load")})
-        for name, tensor in self._shown().items():
-            tensor.copy_(state[name])
-        for world, row in enumerate(state["mujoco"].cpu().numpy()):
-            mujoco.mj_resetData(self._models[world], self._data[world])  # its warnings are of another time
+    def _restore(self, state: dict[str, torch.Tensor]) -> None:
+        for world, row in enumerate(self._state.numpy()):
+            mujoco.mj_resetData(self._models[world], self._data[world])  # clears its warnings
             mujoco.mj_setState(self._models[world], self._data[world], row, _STATE)
-            self._place(world)
-        self._show_velocities()
+            self._write_outputs(world)
+        self._write_velocities()
 
-    # -- inside ------------------------------------------------------------------------------------------------------
+    def _apply_stiffness(self) -> None:
+        for world, model in enumerate(self._models):
+            model.jnt_stiffness[self._hinges[HIPS]] = float(self.hip_k[world])
+            model.jnt_stiffness[self._hinges[ANKLES]] = float(self.ankle_k[world])
 
-    def _find_places(self) -> None:
-        """Where in MuJoCo's arrays joints, bodies and soles are; the same in every world."""
+    def _apply_load(self) -> None:
+        for world, model in enumerate(self._models):
+            model.body_mass[self._bodies[BODIES.index("hat")]] = self._nominal_mass + float(self.load[world])
+            mujoco.mj_setConst(model, self._scratch)  # the softness of contacts depends on mass
+
+    def _find_indices(self) -> None:
+        """Indices of joints, bodies and soles in MuJoCo's arrays, the same in every world."""
         model = self._models[0]
         self._hinges = np.array([model.joint(name).id for name in JOINTS])
         self._angles, self._dofs = model.jnt_qposadr[self._hinges], model.jnt_dofadr[self._hinges]
@@ -167,11 +138,12 @@ class MujocoCSimulation:
         self.body_pose, self.body_velocity = torch.zeros(n, len(BODIES), 7), torch.zeros(n, len(BODIES), 6)
         self.sole_force, self.sole_position = torch.zeros(n, len(FEET), 2, 3), torch.zeros(n, len(FEET), 2, 3)
         self.hip_k, self.ankle_k, self.load = torch.zeros(n), torch.zeros(n), torch.zeros(n)
-        self._diverged, self._dropped = torch.zeros(n, dtype=torch.bool), torch.zeros(n, dtype=torch.bool)
+        self.diverged, self._dropped = torch.zeros(n, dtype=torch.bool), torch.zeros(n, dtype=torch.bool)
+        self._state = torch.zeros(n, self._state_size, dtype=torch.float64)
         self._spatial_velocity, self._lever = np.zeros((n, len(BODIES), 6)), np.zeros((n, len(BODIES), 3))
 
     def _read_sensors(self, world: int) -> None:
-        """What acted in the last substep; before `_place`, since places are still those of that substep's start."""
+        """Forces of the last substep; before `_write_outputs`, while positions are still those of its start."""
         model, data = self._models[world], self._data[world]
         self.joint_force.numpy()[world] = (data.qfrc_passive + data.qfrc_applied)[self._dofs]
         force, position = self.sole_force.numpy()[world], self.sole_position.numpy()[world]
@@ -188,8 +160,8 @@ class MujocoCSimulation:
             force[foot, end] = wrench[:3] @ frame.reshape(3, 3)
             position[foot, end] = local
 
-    def _place(self, world: int) -> None:
-        """Show joints and bodies as the coordinates have them: mj_step leaves those of before its last substep."""
+    def _write_outputs(self, world: int) -> None:
+        """Set the tensors of joints and bodies from the coordinates: mj_step leaves them as before its last substep."""
         model, data = self._models[world], self._data[world]
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
@@ -203,18 +175,19 @@ class MujocoCSimulation:
         # MuJoCo's velocities are at the centre of mass of the whole body.
         self._lever[world] = data.xipos[self._bodies] - data.subtree_com[self._bodies[0]]
 
-    def _show_velocities(self) -> None:
+    def _write_velocities(self) -> None:
         turning, moving = self._spatial_velocity[..., :3], self._spatial_velocity[..., 3:]
-        shown = self.body_velocity.numpy()
-        shown[..., :3] = moving + np.cross(turning, self._lever)
-        shown[..., 3:] = turning
+        velocity = self.body_velocity.numpy()
+        velocity[..., :3] = moving + np.cross(turning, self._lever)
+        velocity[..., 3:] = turning
 
-    def _shown(self) -> dict[str, torch.Tensor]:
+    def _saved(self) -> dict[str, torch.Tensor]:
         return {
+            "mujoco": self._state,
             "joint_force": self.joint_force,
             "sole_force": self.sole_force,
             "sole_position": self.sole_position,
-            "diverged": self._diverged,
+            "diverged": self.diverged,
             "hip_k": self.hip_k,
             "ankle_k": self.ankle_k,
             "load": self.load,
@@ -223,7 +196,7 @@ class MujocoCSimulation:
 
 @contextmanager
 def _silent() -> Iterator[None]:
-    """Keep MuJoCo from writing its warnings to the terminal and to a file in the working directory: `diverged` tells."""
+    """Keep MuJoCo from writing warnings to the terminal and to a file; `diverged` reports them."""
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _: None)
     try:

@@ -13,16 +13,16 @@ from envs.body.joints import ANKLE, BODIES, FEET, HIP, JOINTS
 from envs.body.model import build_model, geometry
 from envs.body.segments import Segments, segments
 from envs.config import EnvConfig
-from envs.engines.interface import check_subject, top_speed
+from envs.engines.interface import SUBJECT, Simulation, top_speed
 from envs.engines.sagittal_contact import Softness, vec5
-from envs.engines.sagittal_kernel import Body, advance, place
+from envs.engines.sagittal_kernel import Body, advance, write_all_outputs
 
-_SHOWN = (wp.float32, wp.float32, wp.transform, wp.spatial_vector)
-"""Types that the kernel gives to joint angles and velocities, poses and velocities of bodies."""
+_OUTPUT_TYPES = (wp.float32, wp.float32, wp.transform, wp.spatial_vector)
+"""The kernel's types of joint angles and velocities, and of poses and velocities of bodies."""
 
 
-class SagittalSimulation:
-    """The `Simulation` of the planar body. Torques act by the sum of left and right."""
+class SagittalSimulation(Simulation):
+    """The `Simulation` of the planar body. It applies the sum of the left and the right torque."""
 
     def __init__(self, config: EnvConfig, num_worlds: int, device: str) -> None:
         self.config = config
@@ -30,21 +30,17 @@ class SagittalSimulation:
         self.device = torch.device(device)
         model = build_model(config, 1, "cpu")
         self.geometry = geometry(model)
-        # MuJoCo's compiled model, for the softness of contacts and what it derives from the masses.
+        # MuJoCo's compiled model, for the softness of contacts and for the inverse weights that it derives from the masses.
         self._mujoco = SolverMuJoCo(model).mj_model
         body = segments(model)
         self._body = _constants(body, config, self._mujoco)
-        place_x, _, place_z = model.joint_q.numpy()[:3].tolist()
-        self._start = torch.tensor([place_x, place_z, 0.0, 0.0, 0.0], device=self.device)
+        start_x, _, start_z = model.joint_q.numpy()[:3].tolist()
+        self._start = torch.tensor([start_x, start_z, 0.0, 0.0, 0.0], device=self.device)
         self._allocate()
-        self.hip_k.fill_(config.hip_k)
-        self.ankle_k.fill_(config.ankle_k)
-        self.set_subject(load=torch.full((num_worlds,), config.load, device=self.device))
-        self._place()
-        self._upright = [shown[0].clone() for shown in self._shown]
-        self._launch = self._recorded()
-
-    # -- what happens to it ------------------------------------------------------------------------------------------
+        self.set_subject(**{name: torch.full((num_worlds,), getattr(config, name), device=self.device) for name in SUBJECT})
+        self._write_outputs()
+        self._upright = [output[0].clone() for output in self._outputs]
+        self._launch = self._recorded_launch()
 
     def step(self, torque: torch.Tensor) -> None:
         """See `Simulation`."""
@@ -59,48 +55,12 @@ class SagittalSimulation:
         self._q[mask] = self._start
         for tensor in (self._qd, self._qdd, self.sole_force, self.sole_position, self.joint_force):
             tensor[mask] = 0.0
-        self._diverged[mask] = False
-        for shown, upright in zip(self._shown, self._upright, strict=True):
-            shown[mask] = upright
-
-    def set_subject(
-        self,
-        hip_k: torch.Tensor | None = None,
-        ankle_k: torch.Tensor | None = None,
-        load: torch.Tensor | None = None,
-    ) -> None:
-        """See `Simulation`."""
-        check_subject(self.num_worlds, hip_k=hip_k, ankle_k=ankle_k, load=load)
-        for name, value in (("hip_k", hip_k), ("ankle_k", ankle_k), ("load", load)):
-            if value is not None:
-                getattr(self, name).copy_(value)
-        if load is not None:
-            loads, which = torch.unique(self.load, return_inverse=True)
-            weights = torch.tensor([self._inv_weights(mass) for mass in loads.tolist()], device=self.device)
-            self._inv_weight.copy_(weights[which])
-
-    # -- what can be read --------------------------------------------------------------------------------------------
-
-    @property
-    def diverged(self) -> torch.Tensor:
-        """See `Simulation`. The memory of such a world is left as it was before the step."""
-        return self._diverged
+        self.diverged[mask] = False
+        for output, upright in zip(self._outputs, self._upright, strict=True):
+            output[mask] = upright
 
     def check_capacity(self) -> None:
-        """Nothing is ever dropped: the kernel has room for every contact there can be."""
-
-    def state_dict(self) -> dict[str, torch.Tensor]:
-        """See `Simulation`."""
-        return {name: tensor.clone() for name, tensor in self._persistent().items()}
-
-    def load_state_dict(self, state: dict[str, torch.Tensor]) -> None:
-        """See `Simulation`."""
-        self.set_subject(load=state["load"])
-        for name, tensor in self._persistent().items():
-            tensor.copy_(state[name])
-        self._place()
-
-    # -- inside ------------------------------------------------------------------------------------------------------
+        """The kernel has room for every possible contact, so nothing is dropped."""
 
     def _allocate(self) -> None:
         n, device = self.num_worlds, self.device
@@ -112,16 +72,15 @@ class SagittalSimulation:
         self._torque = zeros(len(JOINTS))
         self._inv_weight = zeros(3)
         self.hip_k, self.ankle_k, self.load = zeros(), zeros(), zeros()
-        self._diverged = zeros(dtype=torch.bool)
+        self.diverged = zeros(dtype=torch.bool)
         self.joint_angle, self.joint_velocity, self.joint_force = (zeros(len(JOINTS)) for _ in range(3))
         self.body_pose, self.body_velocity = zeros(len(BODIES), 7), zeros(len(BODIES), 6)
         self.sole_force, self.sole_position = zeros(len(FEET), 2, 3), zeros(len(FEET), 2, 3)
-        self._shown = (self.joint_angle, self.joint_velocity, self.body_pose, self.body_velocity)
+        self._outputs = (self.joint_angle, self.joint_velocity, self.body_pose, self.body_velocity)
         self._q[:] = self._start
 
-    def _recorded(self) -> Any:
+    def _recorded_launch(self) -> Any:
         """The launch that takes all worlds through a control step."""
-        seen = ("hip_k", "ankle_k", "load")
         config = self.config
         return wp.launch(
             advance,
@@ -133,14 +92,14 @@ class SagittalSimulation:
                 top_speed(config),
                 self._body,
                 wp.from_torch(self._torque),
-                *(wp.from_torch(getattr(self, name)) for name in seen),
+                *(wp.from_torch(getattr(self, name)) for name in SUBJECT),
                 wp.from_torch(self._inv_weight, dtype=wp.vec3),
             ],
             outputs=[
                 *(wp.from_torch(tensor, dtype=vec5) for tensor in (self._q, self._qd, self._qdd)),
-                wp.from_torch(self._diverged),
+                wp.from_torch(self.diverged),
                 wp.from_torch(self.joint_force),
-                *(wp.from_torch(tensor, dtype=dtype) for tensor, dtype in zip(self._shown, _SHOWN, strict=True)),
+                *(wp.from_torch(tensor, dtype=dtype) for tensor, dtype in zip(self._outputs, _OUTPUT_TYPES, strict=True)),
                 wp.from_torch(self.sole_force, dtype=wp.vec3),
                 wp.from_torch(self.sole_position, dtype=wp.vec3),
             ],
@@ -163,17 +122,28 @@ class SagittalSimulation:
         dofs = model.dof_invweight0[[first + HIP, first + ANKLE]]
         return [float(model.body_invweight0[foot, 0]), *map(float, dofs)]
 
-    def _place(self) -> None:
-        """Show joints and bodies as the coordinates have them."""
+    def _apply_stiffness(self) -> None:
+        """The kernel reads `hip_k` and `ankle_k`."""
+
+    def _apply_load(self) -> None:
+        loads, which = torch.unique(self.load, return_inverse=True)
+        weights = torch.tensor([self._inv_weights(mass) for mass in loads.tolist()], device=self.device)
+        self._inv_weight.copy_(weights[which])
+
+    def _write_outputs(self) -> None:
+        """Set the tensors of joints and bodies from the planar coordinates."""
         wp.launch(
-            place,
+            write_all_outputs,
             dim=self.num_worlds,
             inputs=[self._body, wp.from_torch(self._q, dtype=vec5), wp.from_torch(self._qd, dtype=vec5)],
-            outputs=[wp.from_torch(tensor, dtype=dtype) for tensor, dtype in zip(self._shown, _SHOWN, strict=True)],
+            outputs=[wp.from_torch(tensor, dtype=dtype) for tensor, dtype in zip(self._outputs, _OUTPUT_TYPES, strict=True)],
             device=str(self.device),
         )
 
-    def _persistent(self) -> dict[str, torch.Tensor]:
+    def _restore(self, state: dict[str, torch.Tensor]) -> None:
+        self._write_outputs()
+
+    def _saved(self) -> dict[str, torch.Tensor]:
         return {
             "q": self._q,
             "qd": self._qd,
@@ -181,7 +151,7 @@ class SagittalSimulation:
             "joint_force": self.joint_force,
             "sole_force": self.sole_force,
             "sole_position": self.sole_position,
-            "diverged": self._diverged,
+            "diverged": self.diverged,
             "hip_k": self.hip_k,
             "ankle_k": self.ankle_k,
             "load": self.load,
@@ -194,13 +164,13 @@ def _last_named(named: Any, count: int, name: str) -> int:
 
 
 def _constants(body: Segments, config: EnvConfig, model: mujoco.MjModel) -> Any:
-    """The kernel's `Body`. Springs, load and inverse weights, which differ from world to world, are apart."""
+    """The kernel's `Body`: all constants that are the same in every world."""
     step = config.control_dt / config.solver.substeps
-    made = Body()
+    result = Body()
     masses = ("hat_mass", "leg_mass", "foot_mass", "hat_inertia", "leg_inertia", "foot_inertia")
     for name in (*masses, "sole_radius", "gravity"):
-        setattr(made, name, getattr(body, name))
-    places = {
+        setattr(result, name, getattr(body, name))
+    points = {
         "hat_com": body.hat_com - body.hat_frame,
         "hip": -body.hat_frame,
         "ankle": -body.hip,
@@ -214,31 +184,31 @@ def _constants(body: Segments, config: EnvConfig, model: mujoco.MjModel) -> Any:
     }
     first = model.njnt - len(JOINTS)
     hip, ankle = first + HIP, first + ANKLE
-    places["lower"], places["upper"] = model.jnt_range[[hip, ankle]].T
-    for name, place_ in places.items():
-        setattr(made, name, wp.vec2(*map(float, place_)))
-    made.joint_damping, made.joint_armature = config.joint_damping, config.joint_armature
+    points["lower"], points["upper"] = model.jnt_range[[hip, ankle]].T
+    for name, point in points.items():
+        setattr(result, name, wp.vec2(*map(float, point)))
+    result.joint_damping, result.joint_armature = config.joint_damping, config.joint_armature
 
-    # A sole pressed into the ground shows how MuJoCo mixes the two surfaces.
+    # MuJoCo combines the two surfaces when they touch, so a sole is pressed into the ground.
     data = mujoco.MjData(model)
     data.qpos[2] -= 1e-3
     mujoco.mj_forward(model, data)
     contact = data.contact[0]
-    made.friction = float(contact.friction[0])
-    made.contact = _softness(contact.solref, contact.solimp, step)
-    made.limit = _softness(model.jnt_solref[hip], model.jnt_solimp[hip], step)
-    return made
+    result.friction = float(contact.friction[0])
+    result.contact = _softness(contact.solref, contact.solimp, step)
+    result.limit = _softness(model.jnt_solref[hip], model.jnt_solimp[hip], step)
+    return result
 
 
 def _softness(solref: np.ndarray, solimp: np.ndarray, step: float) -> Any:
     """MuJoCo's K and B from solref [time constant, damping ratio], or [-K, -B], and its solimp, at time step `step` [s]."""
-    made = Softness()
-    made.low, made.high, made.width, made.midpoint, made.power = map(float, solimp)
+    result = Softness()
+    result.low, result.high, result.width, result.midpoint, result.power = map(float, solimp)
     if solref[0] > 0.0:
         # MuJoCo takes no time constant below two time steps.
         time = max(float(solref[0]), 2.0 * step)
-        made.stiffness = 1.0 / (made.high * time * float(solref[1])) ** 2
-        made.damping = 2.0 / (made.high * time)
+        result.stiffness = 1.0 / (result.high * time * float(solref[1])) ** 2
+        result.damping = 2.0 / (result.high * time)
     else:
-        made.stiffness, made.damping = -float(solref[0]) / made.high**2, -float(solref[1]) / made.high
-    return made
+        result.stiffness, result.damping = -float(solref[0]) / result.high**2, -float(solref[1]) / result.high
+    return result

@@ -1,20 +1,20 @@
 """Soft contact and joint limits of the planar stander, MuJoCo's way: a convex problem in the accelerations, and its solver.
 
-Heel and toe are balls of radius s at the ends of the sole. Where one sinks in by -dist it has velocity (v_x,
-v_z), linear in the coordinates by rows J_x, J_z, and MuJoCo's friction pyramid has the four edges n + mu x, n - mu x, n +
-mu y, n - mu y. In this plane the last two are both J_z. With the softness of solref, solimp: impedance I(dist), K, B,
+Heel and toe are balls of radius s at the ends of the sole. One that penetrates the ground by -dist has the velocity
+(v_x, v_z), linear in the coordinates by rows J_x, J_z, and MuJoCo's friction pyramid has the four edges n + mu x, n - mu x,
+n + mu y, n - mu y. In this plane the last two are both J_z. With the softness of solref, solimp: impedance I(dist), K, B,
 regularisation
 
     1 / D = 2 mu^2 (1 + mu^2) w (1 - I) / I,       w = body_invweight0 of the foot,
 
-an edge e pushes with D max(0, -(J_e a - a_ref,e)), a_ref,e = -B J_e v - K I dist. It can only push, and each ball's force
-lies in the pyramid since it is a sum of its edges. Joint limits are single such rows with 1 / D = w_joint (1 - I) / I. The
-accelerations a minimise the convex
+an edge e exerts the force D max(0, -(J_e a - a_ref,e)), a_ref,e = -B J_e v - K I dist. It can only push, and each ball's
+force lies in the pyramid because it is a sum over its edges. Joint limits are single such rows with
+1 / D = w_joint (1 - I) / I. The accelerations a minimise the convex
 
     1/2 a'Ma - a'F + 1/2 sum_e D_e min(0, J_e a - a_ref,e)^2,        each edge counted once per foot,
 
-found by Newton's method with an exact line search; where the set of pushing edges is that of the step before, which is
-most of the time, one linear solve is exact.
+found by Newton's method with an exact line search. Most of the time the set of active edges is that of the previous
+step, and one linear solve is exact.
 """
 
 import warp as wp
@@ -96,8 +96,8 @@ def solve(a: mat5, b: vec5) -> vec5:
 
 
 @wp.func
-def pushing(r: vec6, weight: vec4) -> int:
-    """Which edges push, a bit each: n + t, n - t, n of heel and toe, then the limits of hip and ankle."""
+def active_edges(r: vec6, weight: vec4) -> int:
+    """The edges that exert a force, one bit each: n + t, n - t, n of heel and toe, then the limits of hip and ankle."""
     edges = int(0)
     if weight[0] > 0.0:
         if r[0] + r[1] < 0.0:
@@ -126,8 +126,8 @@ def bit(edges: int, place: int) -> float:
 
 
 @wp.func
-def push(edges: int, r: vec6, weight: vec4) -> vec6:
-    """What the pushing edges add up to along the six rows, with residuals r: minus the gradient of their cost."""
+def edge_forces(edges: int, r: vec6, weight: vec4) -> vec6:
+    """Sum of the forces of the active edges along the six rows, with residuals r: minus the gradient of their cost."""
     heel_plus = -2.0 * weight[0] * bit(edges, 0) * (r[0] + r[1])
     heel_minus = -2.0 * weight[0] * bit(edges, 1) * (r[0] - r[1])
     heel_side = -4.0 * weight[0] * bit(edges, 2) * r[0]
@@ -145,8 +145,8 @@ def push(edges: int, r: vec6, weight: vec4) -> vec6:
 
 
 @wp.func
-def stiffened(mass: mat5, edges: int, rows: mat65, weight: vec4) -> mat5:
-    """Second derivative of the cost by the accelerations, with those edges pushing."""
+def hessian(mass: mat5, edges: int, rows: mat65, weight: vec4) -> mat5:
+    """Second derivative of the cost by the accelerations, with these active edges."""
     h = mass
     for end in range(2):
         plus = 2.0 * weight[end] * bit(edges, 3 * end)
@@ -164,16 +164,16 @@ def stiffened(mass: mat5, edges: int, rows: mat65, weight: vec4) -> mat5:
 
 
 @wp.func
-def search(slope: float, curvature: float, r: vec6, dr: vec6, weight: vec4) -> float:
-    """Length of the step that minimises the cost along it; slope and curvature are those of its smooth part at 0."""
+def line_search(slope: float, curvature: float, r: vec6, dr: vec6, weight: vec4) -> float:
+    """Length of the step that minimises the cost along it; slope and curvature: of the smooth part of the cost at 0."""
     low = float(0.0)
     high = float(1.0)
     alpha = float(1.0)
     for _ in range(20):
         at = r + alpha * dr
-        edges = pushing(at, weight)
-        derivative = slope + alpha * curvature - wp.dot(push(edges, at, weight), dr)
-        second = curvature - wp.dot(push(edges, dr, weight), dr)
+        edges = active_edges(at, weight)
+        derivative = slope + alpha * curvature - wp.dot(edge_forces(edges, at, weight), dr)
+        second = curvature - wp.dot(edge_forces(edges, dr, weight), dr)
         if derivative > 0.0:
             high = alpha
         else:
@@ -191,19 +191,19 @@ def search(slope: float, curvature: float, r: vec6, dr: vec6, weight: vec4) -> f
 
 @wp.func
 def accelerate(mass: mat5, force: vec5, start: vec5, rows: mat65, bias: vec6, weight: vec4, iterations: int) -> vec5:
-    """The accelerations that minimise the cost, sought from `start`."""
+    """The accelerations that minimise the cost, by iteration from `start`."""
     a = start
-    edges = pushing(rows * a + bias, weight)
+    edges = active_edges(rows * a + bias, weight)
     for _ in range(iterations):
-        h = stiffened(mass, edges, rows, weight)
-        new = solve(h, force + push(edges, bias, weight) * rows)
-        now = pushing(rows * new + bias, weight)
+        h = hessian(mass, edges, rows, weight)
+        new = solve(h, force + edge_forces(edges, bias, weight) * rows)
+        now = active_edges(rows * new + bias, weight)
         if now == edges:
             a = new
             break
         step = new - a
         along = mass * step
         slope = wp.dot(along, a) - wp.dot(step, force)
-        a += search(slope, wp.dot(along, step), rows * a + bias, rows * step, weight) * step
-        edges = pushing(rows * a + bias, weight)
+        a += line_search(slope, wp.dot(along, step), rows * a + bias, rows * step, weight) * step
+        edges = active_edges(rows * a + bias, weight)
     return a

@@ -1,25 +1,25 @@
 """The stander in the sagittal plane: a Warp kernel that takes N worlds through a whole control step.
 
-Left and right get the same command, so they move as one and the motion stays in the x-z plane. What remains of the body is
-HAT (1), both legs (2) and both feet (3), with five coordinates: place p = (x, z) of the HAT's frame and the forward
-pitches th1, th2, th3. The equations are those that MuJoCo solves for the full body (its documentation, "Computation"),
-written for this motion; nothing is approximated besides, and the two engines differ by rounding alone
-(tests/test_sagittal.py).
+Left and right get the same command, so they move together and the motion stays in the x-z plane. The planar body has three
+segments, HAT (1), both legs (2) and both feet (3), and five coordinates: position p = (x, z) of the HAT's frame and the
+forward pitches th1, th2, th3. The equations are those that MuJoCo solves for the full body (its documentation,
+"Computation"), written for this motion without further approximation; the two engines differ by rounding only
+(tests/envs/engines/test_sagittal.py).
 
-Kinematics. R(th) v = (vx cos th + vz sin th, vz cos th - vx sin th) turns the body's own x-z to the world's; its
+Kinematics. R(th) v = (vx cos th + vz sin th, vz cos th - vx sin th) rotates from the body's x-z axes to the world's; its
 derivative by th is (Rv)' = ((Rv)_z, -(Rv)_x), and the second is -Rv. With b1 from HAT frame to hip, b2 from hip to ankle,
-a_i from the joint above (1: HAT frame) to the centre of mass, capitals turned:
+a_i from the joint above (1: HAT frame) to the centre of mass, capitals rotated:
 
     c1 = p + A1,   c2 = p + B1 + A2,   c3 = p + B1 + B2 + A3,   phi_hip = th2 - th1,   phi_ankle = th3 - th2.
 
 Dynamics. Collecting kinetic energy by the pitches, with m = m1 + m2 + m3 and the first moments
 
-    e1 = m1 a1 + (m2 + m3) b1,   e2 = m2 a2 + m3 b2,   e3 = m3 a3          (E_i turned):
+    e1 = m1 a1 + (m2 + m3) b1,   e2 = m2 a2 + m3 b2,   e3 = m3 a3          (E_i rotated):
 
     M_xx = M_zz = m,  M_x,i = E_iz,  M_z,i = -E_ix,  M_12 = B1.E2,  M_13 = B1.E3,  M_23 = B2.E3,  and constant
     M_11 = I1 + m1 a1^2 + (m2 + m3) b1^2,   M_22 = I2 + m2 a2^2 + m3 b2^2,   M_33 = I3 + m3 a3^2,
 
-plus the armature r of each joint, r (phi')^2 / 2. Since a turning vector V accelerates by -th'^2 V, centripetal terms
+plus the armature r of each joint, r (phi')^2 / 2. Since a rotating vector V accelerates by -th'^2 V, centripetal terms
 leave the generalised forces
 
     F_x = sum E_ix th_i'^2,   F_z = sum E_iz th_i'^2 - m g,
@@ -34,18 +34,16 @@ Contact. Heel and toe are balls at the ends of the sole; envs/engines/sagittal_c
 Time step, MuJoCo's semi-implicit Euler with implicit damping d: v += h (M + h d)^-1 (F + contact forces), q += h v.
 """
 
-# Warp reads the annotations of kernels and functions as they stand, and arrays are written to in place.
-
 import warp as wp
 
 from envs.engines.sagittal_contact import (
     Softness,
     accelerate,
+    active_edges,
+    edge_forces,
     impedance,
     mat5,
     mat65,
-    push,
-    pushing,
     solve,
     vec4,
     vec5,
@@ -85,23 +83,23 @@ class Body:
 
 
 @wp.func
-def turned(v: wp.vec2, c: float, s: float) -> wp.vec2:
+def rotated(v: wp.vec2, c: float, s: float) -> wp.vec2:
     return wp.vec2(v[0] * c + v[1] * s, v[1] * c - v[0] * s)
 
 
 @wp.func
-def crossed(v: wp.vec2, w: wp.vec2) -> float:
+def cross_y(v: wp.vec2, w: wp.vec2) -> float:
     return v[1] * w[0] - v[0] * w[1]
 
 
 @wp.func
-def swept(v: wp.vec2, c: float, s: float, rate: float) -> wp.vec2:
-    """Velocity of the end of a vector that turns by `rate` [rad/s]."""
+def turning_velocity(v: wp.vec2, c: float, s: float, rate: float) -> wp.vec2:
+    """Velocity of the end of a vector that rotates by `rate` [rad/s]."""
     return wp.vec2(rate * (v[1] * c - v[0] * s), -rate * (v[0] * c + v[1] * s))
 
 
 @wp.func
-def show_body(
+def write_body(
     world: int,
     index: int,
     at: wp.vec2,
@@ -118,7 +116,7 @@ def show_body(
 
 
 @wp.func
-def show(
+def write_outputs(
     world: int,
     body: Body,
     at: vec5,
@@ -136,21 +134,21 @@ def show(
     c3 = wp.cos(at[4])
     s3 = wp.sin(at[4])
     hat = wp.vec2(at[0], at[1])
-    hip = hat + turned(body.hip, c1, s1)
-    ankle = hip + turned(body.ankle, c2, s2)
-    leg = hip + turned(body.leg_frame, c2, s2)
-    foot = ankle + turned(body.foot_frame, c3, s3)
+    hip = hat + rotated(body.hip, c1, s1)
+    ankle = hip + rotated(body.ankle, c2, s2)
+    leg = hip + rotated(body.leg_frame, c2, s2)
+    foot = ankle + rotated(body.foot_frame, c3, s3)
     hat_v = wp.vec2(speed[0], speed[1])
-    hip_v = hat_v + swept(body.hip, c1, s1, speed[2])
-    ankle_v = hip_v + swept(body.ankle, c2, s2, speed[3])
-    hat_v += swept(body.hat_com, c1, s1, speed[2])
-    leg_v = hip_v + swept(body.leg_com, c2, s2, speed[3])
-    foot_v = ankle_v + swept(body.foot_com, c3, s3, speed[4])
-    show_body(world, 0, hat, 0.0, at[2], hat_v, speed[2], body_pose, body_velocity)
+    hip_v = hat_v + turning_velocity(body.hip, c1, s1, speed[2])
+    ankle_v = hip_v + turning_velocity(body.ankle, c2, s2, speed[3])
+    hat_v += turning_velocity(body.hat_com, c1, s1, speed[2])
+    leg_v = hip_v + turning_velocity(body.leg_com, c2, s2, speed[3])
+    foot_v = ankle_v + turning_velocity(body.foot_com, c3, s3, speed[4])
+    write_body(world, 0, hat, 0.0, at[2], hat_v, speed[2], body_pose, body_velocity)
     for side in range(2):
         y = 1.0 - 2.0 * float(side)
-        show_body(world, 1 + 2 * side, leg, y * body.half_width[0], at[3], leg_v, speed[3], body_pose, body_velocity)
-        show_body(world, 2 + 2 * side, foot, y * body.half_width[1], at[4], foot_v, speed[4], body_pose, body_velocity)
+        write_body(world, 1 + 2 * side, leg, y * body.half_width[0], at[3], leg_v, speed[3], body_pose, body_velocity)
+        write_body(world, 2 + 2 * side, foot, y * body.half_width[1], at[4], foot_v, speed[4], body_pose, body_velocity)
         joint_angle[world, 2 * side] = at[3] - at[2]
         joint_angle[world, 2 * side + 1] = at[4] - at[3]
         joint_velocity[world, 2 * side] = speed[3] - speed[2]
@@ -216,7 +214,7 @@ def advance(
 
     hip_moment = float(0.0)
     ankle_moment = float(0.0)
-    pushed = vec6()
+    forces = vec6()
     heel_at = wp.vec2()
     toe_at = wp.vec2()
     foot_c = float(1.0)
@@ -229,11 +227,11 @@ def advance(
         s2 = wp.sin(at[3])
         c3 = wp.cos(at[4])
         s3 = wp.sin(at[4])
-        b1 = turned(body.hip, c1, s1)
-        b2 = turned(body.ankle, c2, s2)
-        w1 = turned(e1, c1, s1)
-        w2 = turned(e2, c2, s2)
-        w3 = turned(e3, c3, s3)
+        b1 = rotated(body.hip, c1, s1)
+        b2 = rotated(body.ankle, c2, s2)
+        w1 = rotated(e1, c1, s1)
+        w2 = rotated(e2, c2, s2)
+        w3 = rotated(e3, c3, s3)
 
         m12 = wp.dot(b1, w2)
         m13 = wp.dot(b1, w3)
@@ -255,9 +253,9 @@ def advance(
         t1 = speed[2] * speed[2]
         t2 = speed[3] * speed[3]
         t3 = speed[4] * speed[4]
-        x12 = crossed(b1, w2)
-        x13 = crossed(b1, w3)
-        x23 = crossed(b2, w3)
+        x12 = cross_y(b1, w2)
+        x13 = cross_y(b1, w3)
+        x23 = cross_y(b2, w3)
         force = vec5(
             w1[0] * t1 + w2[0] * t2 + w3[0] * t3,
             w1[1] * t1 + w2[1] * t2 + w3[1] * t3 - total * g,
@@ -267,8 +265,8 @@ def advance(
         )
 
         # Constraints: rows, biases and weights of the heel, the toe, and the limits of hip and ankle.
-        heel_at = turned(body.heel, c3, s3)
-        toe_at = turned(body.toe, c3, s3)
+        heel_at = rotated(body.heel, c3, s3)
+        toe_at = rotated(body.toe, c3, s3)
         ankle_z = at[1] + b1[1] + b2[1]
         heel_gap = ankle_z + heel_at[1] - body.sole_radius
         toe_gap = ankle_z + toe_at[1] - body.sole_radius
@@ -320,7 +318,7 @@ def advance(
         )
         guess = accelerate(mass, force, guess, rows, bias, weight, iterations)
         residual = rows * guess + bias
-        pushed = push(pushing(residual, weight), residual, weight)
+        forces = edge_forces(active_edges(residual, weight), residual, weight)
         foot_c = c3
         foot_s = s3
 
@@ -335,20 +333,20 @@ def advance(
         speed += dt * solve(mass, made)
         at += dt * speed
 
-    # A diverged world is marked, and its memory left as it was before the step.
-    sound = wp.max(wp.abs(speed)) < top_speed and wp.isfinite(speed) and wp.isfinite(at)
-    diverged[world] = not sound
-    if not sound:
+    # A diverged world is marked, and its state stays as before the step.
+    finite_and_slow = wp.max(wp.abs(speed)) < top_speed and wp.isfinite(speed) and wp.isfinite(at)
+    diverged[world] = not finite_and_slow
+    if not finite_and_slow:
         return
     q[world] = at
     qd[world] = speed
     qdd[world] = guess
-    show(world, body, at, speed, joint_angle, joint_velocity, body_pose, body_velocity)
-    # The rows of friction carry mu; a side has half of everything.
-    heel_force = wp.vec3(0.5 * mu * pushed[1], 0.0, 0.5 * pushed[0])
-    toe_force = wp.vec3(0.5 * mu * pushed[3], 0.0, 0.5 * pushed[2])
-    heel_local = turned(heel_at, foot_c, -foot_s) - body.foot_frame
-    toe_local = turned(toe_at, foot_c, -foot_s) - body.foot_frame
+    write_outputs(world, body, at, speed, joint_angle, joint_velocity, body_pose, body_velocity)
+    # The rows of friction include mu; each side has half of the force.
+    heel_force = wp.vec3(0.5 * mu * forces[1], 0.0, 0.5 * forces[0])
+    toe_force = wp.vec3(0.5 * mu * forces[3], 0.0, 0.5 * forces[2])
+    heel_local = rotated(heel_at, foot_c, -foot_s) - body.foot_frame
+    toe_local = rotated(toe_at, foot_c, -foot_s) - body.foot_frame
     for foot in range(2):
         sole_force[world, foot, 0] = heel_force
         sole_force[world, foot, 1] = toe_force
@@ -359,7 +357,7 @@ def advance(
 
 
 @wp.kernel(enable_backward=False)
-def place(
+def write_all_outputs(
     body: Body,
     q: wp.array[vec5],
     qd: wp.array[vec5],
@@ -370,4 +368,4 @@ def place(
 ) -> None:
     """Joints and bodies of every world from its planar coordinates."""
     world = wp.tid()
-    show(world, body, q[world], qd[world], joint_angle, joint_velocity, body_pose, body_velocity)
+    write_outputs(world, body, q[world], qd[world], joint_angle, joint_velocity, body_pose, body_velocity)

@@ -12,7 +12,7 @@ from envs.config import Ramp
 
 def phase(time: torch.Tensor, freq: torch.Tensor, rate: torch.Tensor, duration: torch.Tensor) -> torch.Tensor:
     """Phase of the target [rad] after `time` [s], with start frequency `freq` [Hz] that changes by `rate` [Hz/s] for
-    `duration` [s] and then holds. All shapes (N,)."""
+    `duration` [s] and then is constant. All shapes (N,)."""
     ramped = torch.minimum(time, duration)
     return 2.0 * math.pi * (freq * time + rate * (ramped * time - 0.5 * ramped**2))
 
@@ -35,12 +35,12 @@ def velocity(phase: torch.Tensor, freq: torch.Tensor, amplitude: float) -> torch
 class FrequencySource:
     """Gives each world the frequency of its next episode: fixed, drawn from a range, or the start of a ramp.
 
-    A drawn frequency depends on the seed, the world and the number of its episode alone, so a world of a large batch meets
-    the same targets as the same world of a small one, and nothing but the episode count needs to be saved.
+    A drawn frequency depends only on the seed, the world and the number of its episode. A world of a large batch therefore
+    has the same targets as the same world of a small one, and only the episode count needs to be saved.
 
-    `stratified`: world i of N draws from the i-th of N equal parts of the range. The marginal distribution stays uniform,
-    and so does the share of *samples* of each frequency: frequencies at which episodes end early are otherwise the rarest
-    in the samples, though they need the most.
+    `stratified`: world i of N draws from the i-th of N equal parts of the range. The distribution over episodes stays
+    uniform, and so does that over samples: otherwise frequencies at which episodes end early are rare in the samples,
+    though they need the most.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class LengthSource:
 
     def __init__(self, low: int, high: int, worlds: torch.Tensor, seed: int) -> None:
         self._low, self._width, self._worlds = low, high - low + 1, worlds
-        # Not the numbers that frequencies are drawn by.
+        # Other random numbers than those of the frequencies.
         self._seed = ~seed
 
     def draw(self, episode: torch.Tensor) -> torch.Tensor:
@@ -93,9 +93,9 @@ class LengthSource:
 
 
 def uniform(seed: int, world: torch.Tensor, episode: torch.Tensor) -> torch.Tensor:
-    """A number in [0, 1) that depends on (seed, world, episode) alone. Shapes (N,) int64 -> (N,) float64.
+    """A number in [0, 1) that depends only on (seed, world, episode). Shapes (N,) int64 -> (N,) float64.
 
-    The mixing is that of the SplitMix64 generator (Steele, Lea and Flood 2014).
+    The mixing function is that of the SplitMix64 generator (Steele, Lea and Flood 2014).
     """
     x = _mix(_mix(_mix(torch.full_like(world, seed)) + world) + episode)
     return (x >> 11).bitwise_and((1 << 53) - 1).double() / float(1 << 53)

@@ -1,4 +1,4 @@
-"""What rsl-rl is given: the networks, the algorithm and the roll-out; values in conf/agent/."""
+"""Configuration of rsl-rl: networks, algorithm and roll-out; values in conf/agent/."""
 
 from typing import Annotated, Literal
 
@@ -16,7 +16,7 @@ class ObsGroups(Strict):
 
 
 class AlgorithmConfig(Strict):
-    """rsl-rl's PPO, its keys unrenamed."""
+    """rsl-rl's PPO, with its own key names."""
 
     class_name: Literal["PPO"]
     num_learning_epochs: Annotated[int, Field(ge=1, le=1000)]
@@ -66,7 +66,7 @@ class ActorConfig(CriticConfig):
 
 
 class AgentConfig(Strict):
-    """What rsl-rl's OnPolicyRunner is given."""
+    """Configuration of rsl-rl's OnPolicyRunner."""
 
     num_steps_per_env: Annotated[int, Field(ge=1, le=100_000)]
     save_interval: Steps

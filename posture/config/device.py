@@ -1,4 +1,4 @@
-"""Which device and engine go together, and whether the device is there."""
+"""Checks of the device: whether it exists, and whether the engine can compute on it."""
 
 import re
 
@@ -21,6 +21,6 @@ def check_device(device: str) -> None:
 
 
 def check_engine(physics: Physics | None, device: str) -> None:
-    """Raise ValueError unless the engine, where one is named, can compute on `device`."""
+    """Raise ValueError unless the engine, if one is named, can compute on `device`."""
     if physics == "mujoco_c" and device != "cpu":
-        raise ValueError(f"device: env.physics=mujoco_c computes on cpu alone, not on '{device}'")
+        raise ValueError(f"device: env.physics=mujoco_c computes only on the cpu, not on '{device}'")

@@ -21,7 +21,7 @@ from posture.config.device import check_engine
 from posture.config.fields import PathText, Tolerance
 
 MAX_SAMPLES = 10_000_000
-"""Control steps times worlds of one evaluation: what is recorded of so many takes some gigabytes of memory."""
+"""Control steps times worlds of one evaluation; recording that many takes some gigabytes of memory."""
 
 
 class EvaluationConfig(Strict):
@@ -59,7 +59,7 @@ class LqrConfig(Strict):
 
 
 class EvalConfig(Strict):
-    """Everything that `posture.eval` is told."""
+    """Configuration of `posture.eval`."""
 
     policy: Literal["trained", "lqr"]
     lqr: LqrConfig
@@ -84,8 +84,8 @@ class EvalConfig(Strict):
 
 
 def check_trial(evaluation: EvaluationConfig, env: EnvConfig) -> None:
-    """Raise ValueError unless a trial lasts for two control steps or more after its transient, can be kept in memory, and
-    its targets are slow enough for the control step."""
+    """Raise ValueError unless a trial has two control steps or more after its transient, fits in memory, and has targets
+    slow enough for the control step."""
     steps = round(evaluation.duration / env.control_dt)
     if (steps - 1) * env.control_dt < evaluation.transient:
         raise ValueError(

@@ -11,7 +11,7 @@ from posture.config.fields import PathText
 
 
 class ExportConfig(Strict):
-    """Everything that `posture.export` is told."""
+    """Configuration of `posture.export`."""
 
     what: Annotated[tuple[Literal["trajectories", "policy"], ...], Field(min_length=1, max_length=2)]
     ckpt: PathText
@@ -26,7 +26,5 @@ class ExportConfig(Strict):
         check_engine(self.env.physics, self.device)
         twice = sorted({freq for freq in self.evaluation.freq if self.evaluation.freq.count(freq) > 1})
         if twice:
-            raise ValueError(
-                f"evaluation.freq: {twice[0]:g} Hz stands there twice; allowed is each frequency once, a file each"
-            )
+            raise ValueError(f"evaluation.freq: {twice[0]:g} Hz is listed twice; allowed is each frequency once")
         return self

@@ -10,7 +10,7 @@ from posture.config.eval import EnvChanges
 from posture.config.fields import PathText
 
 FRAMES_A_CYCLE = 4
-"""With fewer the eye sees another motion than the one that is filmed."""
+"""Fewer frames per cycle would show a different motion (aliasing)."""
 
 
 class FilmEnv(EnvChanges):
@@ -25,7 +25,7 @@ class FilmEnv(EnvChanges):
 
 
 class FilmConfig(Strict):
-    """Everything that `posture.film` is told."""
+    """Configuration of `posture.film`."""
 
     ckpt: PathText
     device: str

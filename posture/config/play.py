@@ -1,4 +1,4 @@
-"""Configuration of the page; values, units and sources in conf/play.yaml."""
+"""Configuration of the live page; values, units and sources in conf/play.yaml."""
 
 from typing import Annotated
 
@@ -60,7 +60,7 @@ class Recording(Strict):
 
 
 class PlayConfig(Strict):
-    """Everything that `posture.play` is told."""
+    """Configuration of `posture.play`."""
 
     ckpt: PathText
     port: Annotated[int, Field(ge=0, le=65535)]

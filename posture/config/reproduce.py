@@ -1,17 +1,91 @@
-"""Configuration of the reproduction; values in conf/reproduce.yaml."""
+"""Configuration of the reproduction (conf/reproduce.yaml) and of its report (conf/report.yaml)."""
 
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from envs.config import Freq, Strict
+from envs.config import Amplitude, Freq, HipStiffness, Strict
 from posture.config.fields import PathText
 
 Stage = Literal["train", "evaluate", "report", "ship"]
+Share = Annotated[float, Field(gt=0, le=1)]
+Rho = Annotated[float, Field(gt=0, le=1)]
+Step = Annotated[float, Field(ge=0.001, le=100)]
+
+
+class ClaimRules(Strict):
+    """Thresholds of the verdicts on the paper's claims; reasons in conf/report.yaml."""
+
+    modes_share: Share
+    measured_share: Share
+    min_conditions: Annotated[int, Field(ge=2, le=100)]
+    seeds_share: Share
+    rho_reproduced: Rho
+    rho_partly: Rho
+    min_tracking_difference: Annotated[float, Field(gt=0, le=1)]
+    high_freq_hz: Freq
+    ankle_change_share: Share
+    ankle_range_share: Share
+    ramp_reproduced_hz: Freq
+    ramp_partly_hz: Freq
+    soft_hip_k: HipStiffness
+    stiff_hip_k: HipStiffness
+    amplitude_share: Share
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "ClaimRules":
+        for low, high in (
+            ("rho_partly", "rho_reproduced"),
+            ("ramp_reproduced_hz", "ramp_partly_hz"),
+            ("soft_hip_k", "stiff_hip_k"),
+        ):
+            if getattr(self, low) > getattr(self, high):
+                raise ValueError(f"{low} must not be above {high}, got {getattr(self, low):g} and {getattr(self, high):g}")
+        return self
+
+
+class Grid(Strict):
+    """Conditions of sweeps of which the paper gives the ends only."""
+
+    map_step_hz: Step
+    load_step_kg: Step
+    amplitudes_m: Annotated[tuple[Amplitude, ...], Field(min_length=2, max_length=100)]
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "Grid":
+        if list(self.amplitudes_m) != sorted(set(self.amplitudes_m)):
+            raise ValueError(f"amplitudes_m must rise, got {list(self.amplitudes_m)}")
+        return self
+
+
+class TargetRules(Strict):
+    """Margins of the targets."""
+
+    switch_hz: Freq
+    tracking: Annotated[float, Field(ge=0, le=1)]
+    head_motion_share: Annotated[float, Field(ge=0, le=1)]
+    cost_ratio: Annotated[float, Field(ge=1, le=1000)]
+    modes_share: Share
+
+
+class ShownFrequencies(Strict):
+    """Conditions that figures show."""
+
+    freq_hz: Annotated[tuple[Freq, ...], Field(min_length=1, max_length=10)]
+
+
+class ReportConfig(Strict):
+    """How the report judges and what it shows."""
+
+    claims: ClaimRules
+    grid: Grid
+    targets: TargetRules
+    figures: ShownFrequencies
+    shipped_seed: Annotated[int, Field(ge=0, lt=2**31)]
 
 
 class ReproduceConfig(Strict):
-    """Everything that `posture.reproduce` is told."""
+    """Configuration of `posture.reproduce`."""
 
     seeds: Annotated[int, Field(ge=1, le=1000)]
     stages: Annotated[tuple[Stage, ...], Field(min_length=1)]
@@ -20,6 +94,7 @@ class ReproduceConfig(Strict):
     out: PathText
     search: tuple[Freq, Freq]
     overrides: tuple[str, ...]
+    report: ReportConfig
 
     @model_validator(mode="after")
     def _consistent(self) -> "ReproduceConfig":

@@ -9,7 +9,7 @@ from posture.config.eval import EvaluationConfig
 from posture.config.fields import PathText, Tolerance
 
 MAX_VALUES = 10_000
-"""Points of a table or of the map: each is an optimisation of some milliseconds."""
+"""Points of a table or of the map; each is an optimisation that takes some milliseconds."""
 
 
 class StiffnessSweep(Strict):
@@ -45,7 +45,7 @@ class Around(Strict):
 
 
 class TheoryConfig(Strict):
-    """Everything that `posture.theory` is told."""
+    """Configuration of `posture.theory`."""
 
     env: EnvConfig
     evaluation: EvaluationConfig

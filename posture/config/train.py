@@ -1,4 +1,4 @@
-"""Configuration of `posture.train`, which a run folder keeps as config.yaml."""
+"""Configuration of the training; values, units and sources in conf/train.yaml."""
 
 from typing import Annotated
 
@@ -12,7 +12,7 @@ from posture.config.fields import PathText
 
 
 class TrainConfig(Strict):
-    """Everything that `posture.train` is told, and what a run folder keeps as config.yaml."""
+    """Configuration of `posture.train`, which a run folder keeps as config.yaml."""
 
     env: EnvConfig
     agent: AgentConfig

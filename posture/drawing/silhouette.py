@@ -1,11 +1,12 @@
-"""The stander's body from the side, drawn into matplotlib axes: what a screenshot shows, without a GPU or a display.
+"""The stander's body from the side, drawn into matplotlib axes, without a GPU or a display.
 
 The view is along +y onto the sagittal plane: x forward to the right, z up, in metres, the ground at z = 0. Hip flexion is
-negative, and the ankle is negative when the body leans forward. The foot lies flat, so that the two angles fix the pose;
-left and right move alike, and the near (right) side alone is drawn. MuJoCo reads every length from envs/body/humanoid.xml.
+negative, and the ankle is negative when the body leans forward. The foot lies flat, so the two angles
+determine the pose. Left and right move together; only the near (right) side is drawn. MuJoCo reads all lengths from
+envs/body/humanoid.xml; it is imported in the functions that use it because it is slow.
 
-x is counted as in a trial: the head of the upright body is at 0 before the foot has moved. `foot_x` [m] is how far forward
-the foot has moved since (`Trajectory.foot_displacement`, where it crept forward).
+x is that of a trial: the head of the upright body is at 0 before the foot has moved. `foot_x` [m] is how far forward the
+foot has moved since (`Trajectory.foot_displacement`, if forward).
 """
 
 from __future__ import annotations
@@ -13,12 +14,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cache
-from importlib.util import find_spec
+from importlib.resources import files
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, NamedTuple
 
-import mujoco
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
@@ -28,21 +27,21 @@ from matplotlib.path import Path as Outline
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull
 
+from posture.drawing.style import ANKLE_COLOUR, HIP_COLOUR, ORANGE
+
 Array = NDArray[np.float64]
 
-BODY_COLOUR, TARGET_COLOUR, GROUND_COLOUR = "#4F7CAC", "#E69F00", "#555555"
-HIP_COLOUR, ANKLE_COLOUR = "#CC79A7", "#009E73"  # those of the joints in every figure
-DOT_RADIUS, TARGET_RADIUS = 0.018, 0.03  # of the marks, not of the body [m]
-NECK_WIDTH = 0.6  # as a share of the shoulders' radius
-
-PALENESS = (0.45, 0.65, 0.0, 0.2)  # of trunk, head, leg and foot, arm: from back to front, 1 is white
+BODY_COLOUR, TARGET_COLOUR, GROUND_COLOUR = "#4F7CAC", ORANGE, "#555555"
+DOT_RADIUS, TARGET_RADIUS = 0.018, 0.03  # of the marks for joints and target [m]
+NECK_WIDTH = 0.6  # as a share of the radius of the shoulders
+WHITENESS = (0.45, 0.65, 0.0, 0.2)  # of the layers from back to front: trunk, head, leg and foot, arm; 1 is white
 
 NEAR = "_right"
 SIDES = ("_left", NEAR)
 
 
 class Disc(NamedTuple):
-    """An end of a solid in projection: centre (x, z) and radius, all [m]."""
+    """The projected end of a solid: centre (x, z) and radius, all [m]."""
 
     x: float
     z: float
@@ -50,18 +49,18 @@ class Disc(NamedTuple):
 
 
 Solid = tuple[Disc, ...]
-"""The convex hull of its discs: of one for a sphere, of two for a capsule."""
+"""The convex hull of its discs: one for a sphere, two for a capsule."""
 
 
 class DrawnBody(NamedTuple):
-    """The artists of a drawn stander, from back to front: of each layer its fill and its edge, then hip and ankle."""
+    """The artists of a drawn stander, from back to front: fill and edge of each layer, then hip and ankle joint."""
 
     layers: list[PathPatch]
     joints: list[Circle]
     shift: float  # of the drawing along x [m]
 
     def move(self, hip: float, ankle: float, foot_x: float = 0.0) -> None:
-        """Move the artists to `hip` and `ankle` angle [rad], `foot_x` [m], in place of drawing anew."""
+        """Move the artists to `hip` and `ankle` angle [rad] and `foot_x` [m]."""
         outlines = [outline for layer in _layers(hip, ankle, foot_x, self.shift) for outline in layer]
         for patch, outline in zip(self.layers, outlines, strict=True):
             patch.set_path(outline)
@@ -84,8 +83,10 @@ def head_position(hip: float, ankle: float, foot_x: float = 0.0) -> tuple[float,
 def solids(hip: float, ankle: float, foot_x: float = 0.0) -> dict[str, dict[str, Solid]]:
     """Solids of the trunk, head, near arm, leg and foot at `hip` and `ankle` angle [rad], by part and by geom name.
 
-    All that carry mass are there: not the ground, nor the soles, which mark where the foot can touch it.
+    These are the geoms with mass: without the ground and the soles, which only define the contact.
     """
+    import mujoco
+
     model, data = _model(), _pose(hip, ankle, foot_x)
     parts: dict[str, dict[str, Solid]] = {"trunk": {}, "head": {}, "leg": {}, "foot": {}, "arm": {}}
     for i in range(model.ngeom):
@@ -113,14 +114,14 @@ def draw_body(
 ) -> DrawnBody:
     """Draw the stander at `hip` and `ankle` angle [rad], its two joints as dots; the aspect of `ax` becomes equal.
 
-    `shift` [m] moves the drawing along x and nothing else. From back to front: trunk and head, leg, arm, as seen from
-    the right. `alpha` below 1 suits several bodies in one place.
+    `shift` [m] moves the drawing along x. From back to front: trunk and head, leg, arm, as seen from the right. Use `alpha`
+    below 1 for overlapping bodies.
     """
     body = DrawnBody([], [], shift)
     style = {"alpha": alpha, "zorder": 2}
-    # One path a layer: where its solids overlap it is filled once, so that a low alpha does not show the overlap.
-    for (whole, solid), paleness in zip(_layers(hip, ankle, foot_x, shift), PALENESS, strict=True):
-        body.layers.append(ax.add_patch(PathPatch(whole, fc=_mixed(colour, "white", paleness), ec="none", **style)))
+    # One path per layer, so that overlapping solids are filled once and a low alpha does not show the overlap.
+    for (whole, solid), whiteness in zip(_layers(hip, ankle, foot_x, shift), WHITENESS, strict=True):
+        body.layers.append(ax.add_patch(PathPatch(whole, fc=_mixed(colour, "white", whiteness), ec="none", **style)))
         body.layers.append(ax.add_patch(PathPatch(solid, fc="none", ec=_mixed(colour, "black", 0.5), lw=0.6, **style)))
     for (x, z), dot in zip(joint_positions(hip, ankle, foot_x), (HIP_COLOUR, ANKLE_COLOUR), strict=True):
         circle = Circle((x + shift, z), DOT_RADIUS, facecolor=dot, edgecolor="white", lw=0.7, alpha=alpha, zorder=2)
@@ -154,9 +155,9 @@ def draw_phases(
 ) -> Array:
     """Draw P instants of a motion side by side, `spacing` [m] apart, each with the target above. Source: paper Fig. 2.
 
-    `hip` and `ankle` [rad], `target_x` [m] and `foot_x` [m], all (P,) or one number for all; `target_height` [m], paper
-    Table 1. A dashed line hangs from the target to the height of the head's centre, a black dot; the short mark on the
-    ground below each body is x = 0 there. Returns the places of these marks [m], (P,), for labels.
+    `hip` and `ankle` [rad], `target_x` [m] and `foot_x` [m], each (P,) or one number; `target_height` [m], paper
+    Table 1. A dashed line runs from the target down to the height of the head's centre, which is a black dot. A short mark
+    on the ground below each body is at its x = 0. Returns the positions of these marks [m], (P,), for labels.
     """
     arrays = [np.asarray(values, dtype=np.float64) for values in (hip, ankle, target_x, foot_x)]
     instants = np.stack(np.broadcast_arrays(*map(np.atleast_1d, arrays)), axis=1)
@@ -177,19 +178,20 @@ def draw_phases(
 
 @cache
 def _model() -> Any:
-    """The body as MuJoCo reads it; its file is found without importing `envs`, which needs the simulator."""
-    spec = find_spec("envs")
-    if spec is None or spec.origin is None:
-        raise ModuleNotFoundError("the package envs, which holds humanoid.xml, is not installed")
-    return mujoco.MjModel.from_xml_path(str(Path(spec.origin).with_name("body") / "humanoid.xml"))
+    """MuJoCo's model of the body."""
+    import mujoco
+
+    return mujoco.MjModel.from_xml_path(str(files("envs.body") / "humanoid.xml"))
 
 
 def _pose(hip: float, ankle: float, foot_x: float) -> Any:
-    """MuJoCo's kinematics of the body with both feet flat on the ground, `foot_x` [m] ahead of where the MJCF has them.
+    """MuJoCo's kinematics of the body with both feet flat on the ground, `foot_x` [m] ahead of their place in the MJCF.
 
-    Pitch [rad] about +y adds up from the root down: foot = HAT + hip + ankle. A flat foot has none, which gives the HAT's;
-    then the whole is moved to bring the sole to its place.
+    Pitch [rad] about +y: foot = HAT + hip + ankle. That of a flat foot is 0, which gives the HAT's; then the body is moved
+    so that the sole is at its place.
     """
+    import mujoco
+
     model = _model()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -207,7 +209,7 @@ def _pose(hip: float, ankle: float, foot_x: float) -> Any:
 
 
 def _layers(hip: float, ankle: float, foot_x: float, shift: float) -> list[tuple[Outline, Outline]]:
-    """Of each layer of the drawing, in the order of PALENESS: what is filled, and the solids in it, which have edges."""
+    """For each layer, in the order of WHITENESS: the outline that is filled, and the solids whose edges are drawn."""
     parts = {part: list(found.values()) for part, found in solids(hip, ankle, foot_x).items()}
     ankle_joint = joint_positions(hip, ankle, foot_x)[1]
     layers: tuple[tuple[list[Solid], list[Solid]], ...] = (
@@ -220,18 +222,20 @@ def _layers(hip: float, ankle: float, foot_x: float, shift: float) -> list[tuple
 
 
 def _projection(geom: Any, placed: Any) -> Solid:
-    """A sphere or capsule, seen along y. ValueError for another type."""
+    """A sphere or capsule, projected along y. Raises ValueError for another type."""
+    import mujoco
+
     x, _, z = placed.xpos
     if geom.type[0] == mujoco.mjtGeom.mjGEOM_SPHERE:
         return (Disc(x, z, geom.size[0]),)
     if geom.type[0] != mujoco.mjtGeom.mjGEOM_CAPSULE:
-        raise ValueError(f"geom {geom.name} is neither a sphere nor a capsule, and nothing else can be drawn")
+        raise ValueError(f"geom {geom.name} is neither a sphere nor a capsule")
     half_x, _, half_z = geom.size[1] * placed.xmat.reshape(3, 3)[:, 2]
     return Disc(x - half_x, z - half_z, geom.size[0]), Disc(x + half_x, z + half_z, geom.size[0])
 
 
 def _trunk_links(parts: dict[str, list[Solid]]) -> list[Solid]:
-    """What fills the gaps along the midline: the hulls of neighbours, and a neck that ends at the edge of the head."""
+    """Solids that fill the gaps along the midline: hulls of neighbours, and a neck up to the edge of the head."""
     trunk = sorted((solid[0] for solid in parts["trunk"]), key=lambda disc: disc.z)
     top, head = trunk[-1], parts["head"][0][0]
     share = 1 - head.radius / math.hypot(head.x - top.x, head.z - top.z)
@@ -241,14 +245,14 @@ def _trunk_links(parts: dict[str, list[Solid]]) -> list[Solid]:
 
 
 def _ankle_links(parts: dict[str, list[Solid]], joint: Array) -> list[Solid]:
-    """What fills the gap between shin and foot: from the lower end of the shin to below the ankle joint (x, z)."""
+    """The solid that fills the gap between shin and foot: from the lower end of the shin to below the ankle joint (x, z)."""
     shin = min((disc for solid in parts["leg"] for disc in solid), key=lambda disc: disc.z)
     foot = parts["foot"][0][0]
     return [(shin, Disc(float(joint[0]), foot.z, foot.radius))]
 
 
 def _outline(solids: Sequence[Solid], shift: float) -> Outline:
-    """Closed outlines of solids, `shift` [m] further along x; all counter-clockwise, so that overlaps stay filled."""
+    """Closed outlines of solids, `shift` [m] further along x; all counter-clockwise, so that overlaps are filled."""
     angle = np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     outlines = []

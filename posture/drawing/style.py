@@ -1,6 +1,6 @@
 """Colours and matplotlib settings of every figure and film."""
 
-# Okabe and Ito's palette, told apart by colour-blind readers.
+# Okabe and Ito's palette, distinguishable by colour-blind readers.
 BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#7F7F7F"
 HIP_COLOUR, ANKLE_COLOUR, HEAD_COLOUR, FALL_COLOUR = PURPLE, GREEN, "black", "#A00000"
 MODE_COLOUR = {"in-phase": BLUE, "anti-phase": RED, "undefined": GREY}

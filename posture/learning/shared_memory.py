@@ -93,7 +93,7 @@ class SharedMemoryGroup(dist.ProcessGroup):
     def _exchange_piece(self, values: np.ndarray) -> np.ndarray:
         buffer = self._buffers[self._exchanges % 2].view(values.dtype)[:, : values.size]
         buffer[self._rank] = values
-        yield_processor()  # a memory barrier: nobody may see the counter before the values
+        yield_processor()  # a memory barrier: no process may see the counter before the values
         self._exchanges += 1
         self._counters[self._rank] = self._exchanges
         self._wait()

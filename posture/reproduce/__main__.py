@@ -1,18 +1,18 @@
 """Reproduce the paper: train and evaluate every experiment, and write one page of claims, measurements and verdicts.
 
 python -m posture.reproduce seeds=1                      # a policy of each condition
-python -m posture.reproduce                              # all seeds; what is there already is kept
-python -m posture.reproduce stages=[report]              # the page alone, of what has been reached
+python -m posture.reproduce                              # all seeds; what is done is not repeated
+python -m posture.reproduce stages=[report]              # the page only, of what has been reached
 python -m posture.reproduce launcher=submitit_slurm      # the trainings on a cluster
 
-Every step is a command of its own that it prints before it runs it, so that each can be run alone as well.
+Trainings and evaluations are commands of their own. Each is printed before it is run, and can be run by itself as well.
 """
 
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from hydra.core.global_hydra import GlobalHydra
@@ -22,57 +22,87 @@ from posture.cli.jobs import Job
 from posture.cli.sweep import SweepProgress, fraction_done, print_summary, report_periodically
 from posture.config.errors import ConfigError
 from posture.config.eval import EvalConfig
+from posture.config.published import read_published
 from posture.config.reproduce import ReproduceConfig
 from posture.config.train import TrainConfig
 from posture.storage import run_dir
 
 TRAININGS = ("frequency", "energy", "hip_stiffness")
-"""Experiments that train policies, in the order of their length."""
+"""Experiments that train policies."""
 EVALUATIONS = ("ramp", "load", "amplitude", "engines")
-"""Experiments that take the policies of Exp. 1."""
+"""Experiments that evaluate the policies of Exp. 1."""
 POLICIES = "runs/frequency"
-"""Where those are."""
+"""Folder of the policies of Exp. 1."""
 REPORT_EVERY_S = 60.0
 
 
-def reproduce(config: ReproduceConfig, _folder: Path) -> None:
-    """Run the stages that `config` names. Exits with 1 where a job failed; the report is of what was reached."""
-    run_dir.writable(Path(config.out))
-    with _composing():
-        trainings = {name: [*training(name, config), *_launcher(config)] for name in TRAININGS}
-        all_jobs = {name: jobs.check("train", TrainConfig, arguments).jobs for name, arguments in trainings.items()}
-        wanted = {name: [job for job in found if _seed(job) <= config.seeds] for name, found in all_jobs.items()}
-        trials = {name: jobs.check("eval", EvalConfig, evaluation(name, config)).jobs for name in EVALUATIONS}
-    to_train = [job for found in wanted.values() for job in found]
-    failed = 0
-    if "train" in config.stages:
-        progress = SweepProgress(to_train)
-        with report_periodically(progress, "whole", REPORT_EVERY_S):
-            for name in TRAININGS:
-                seeds = sorted({_seed(job) for job in wanted[name]})
-                failed |= run([*trainings[name], f"seed={','.join(map(str, seeds))}"], "train")
-    if "evaluate" in config.stages and any(fraction_done(job) >= 1 for job in wanted["frequency"]):
-        for name in EVALUATIONS:
-            failed |= run(evaluation(name, config), "eval")
-    if "report" in config.stages or "ship" in config.stages:
-        # Imported here because they are slow.
-        from posture.reproduce.page.document import warnings, write_report
-        from posture.reproduce.results import collect
-        from posture.reproduce.ship import ship
+@dataclass(frozen=True)
+class Plan:
+    """The jobs by experiment: trainings, those of them that `seeds` asks for, and evaluations."""
 
-        results = collect(all_jobs, trials, config.search)
-        if results is None:
-            raise ConfigError("no policy of Exp. 1 is done: run the stage train first")
-        for warning in warnings(results):
-            print(warning.replace("**", ""), file=sys.stderr)
-        if "report" in config.stages:
-            print(write_report(results, Path(config.out), commands(config), _ramp_start(trials["ramp"])))
-        if "ship" in config.stages:
-            ship(results.jobs)
-    if "train" in config.stages and not print_summary(to_train, progress.done_before):
-        failed = True
+    trainings: Mapping[str, Sequence[Job]]
+    wanted: Mapping[str, Sequence[Job]]
+    evaluations: Mapping[str, Sequence[Job]]
+
+
+def reproduce(config: ReproduceConfig, _folder: Path) -> None:
+    """Run the stages of `config`. Exits with 1 if a job failed; the report shows what was reached."""
+    run_dir.writable(Path(config.out))
+    plan = make_plan(config)
+    wanted = [job for own in plan.wanted.values() for job in own]
+    progress = SweepProgress(wanted)
+    failed = False
+    if "train" in config.stages:
+        failed |= train(plan, config, progress)
+    if "evaluate" in config.stages and any(fraction_done(job) >= 1 for job in plan.wanted["frequency"]):
+        failed |= any([run("eval", evaluation(name, config)) for name in EVALUATIONS])
+    if "report" in config.stages or "ship" in config.stages:
+        report(plan, config)
+    if "train" in config.stages:
+        failed |= not print_summary(wanted, progress.done_before)
     if failed:
         sys.exit(1)
+
+
+def make_plan(config: ReproduceConfig) -> Plan:
+    """Compose and check the jobs of every experiment. Raises ConfigError for a wrong override."""
+    GlobalHydra.instance().clear()  # Hydra composes one command line at a time
+    trainings = {
+        name: jobs.check("train", TrainConfig, [*training(name, config), *_launcher(config)]).jobs for name in TRAININGS
+    }
+    wanted = {name: [job for job in own if _seed(job) <= config.seeds] for name, own in trainings.items()}
+    evaluations = {name: jobs.check("eval", EvalConfig, evaluation(name, config)).jobs for name in EVALUATIONS}
+    return Plan(trainings, wanted, evaluations)
+
+
+def train(plan: Plan, config: ReproduceConfig, progress: SweepProgress) -> bool:
+    """Train what is not done yet, with a progress line now and then; whether a sweep failed."""
+    failed = False
+    with report_periodically(progress, "whole", REPORT_EVERY_S):
+        for name in TRAININGS:
+            seeds = sorted({_seed(job) for job in plan.wanted[name]})
+            failed |= run("train", [*training(name, config), *_launcher(config), f"seed={','.join(map(str, seeds))}"])
+    return failed
+
+
+def report(plan: Plan, config: ReproduceConfig) -> None:
+    """Write the page and ship policies, as the stages say. Raises ConfigError if there is nothing to report."""
+    if not any(fraction_done(job) >= 1 for job in plan.trainings["frequency"]):
+        raise ConfigError("no policy of Exp. 1 is done: run the stage train first")
+    # Imported here because they are slow.
+    from posture.reproduce.collect import collect
+    from posture.reproduce.page.provenance import warnings
+    from posture.reproduce.page.report import write_report
+    from posture.reproduce.ship import ship
+
+    paper = read_published()
+    reproduction = collect(plan.trainings, plan.evaluations, config.search, paper)
+    for warning in warnings(reproduction.trainings, reproduction.left_out):
+        print(warning.replace("**", ""), file=sys.stderr)
+    if "report" in config.stages:
+        print(write_report(reproduction, paper, config.report, Path(config.out), commands(config)))
+    if "ship" in config.stages:
+        ship([job for own in plan.trainings.values() for job in own], config.report.shipped_seed)
 
 
 def training(name: str, config: ReproduceConfig) -> list[str]:
@@ -92,40 +122,21 @@ def commands(config: ReproduceConfig) -> list[str]:
     return [shlex.join(line) for line in lines]
 
 
-def run(arguments: Sequence[str], name: str) -> bool:
-    """Run `python -m posture.<name>` with `arguments`, after printing it; whether it failed."""
+def run(name: str, arguments: Sequence[str]) -> bool:
+    """Print and run `python -m posture.<name>` with `arguments`; whether it failed."""
     command = ["-m", f"posture.{name}", *arguments]
     print(f"$ python {shlex.join(command)}", flush=True)
     return subprocess.run([sys.executable, *command], check=False).returncode != 0
 
 
 def _launcher(config: ReproduceConfig) -> list[str]:
-    own = [f"hydra.launcher.n_jobs={config.parallel}"] if config.launcher == "joblib" else []
-    return [f"hydra/launcher={config.launcher}", *own]
-
-
-def _ramp_start(trials: Sequence[Job]) -> float:
-    (trial,) = trials
-    assert isinstance(trial.config, EvalConfig) and trial.config.env.ramp is not None
-    return trial.config.env.ramp.start
+    parallel = [f"hydra.launcher.n_jobs={config.parallel}"] if config.launcher == "joblib" else []
+    return [f"hydra/launcher={config.launcher}", *parallel]
 
 
 def _seed(job: Job) -> int:
     assert isinstance(job.config, TrainConfig)
     return job.config.seed
-
-
-@contextmanager
-def _composing() -> Iterator[None]:
-    """Within it other command lines can be composed: Hydra knows one at a time."""
-    own = GlobalHydra.instance().hydra
-    GlobalHydra.instance().clear()
-    try:
-        yield
-    finally:
-        GlobalHydra.instance().clear()
-        if own is not None:
-            GlobalHydra.instance().initialize(own)
 
 
 def main() -> None:

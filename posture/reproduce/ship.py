@@ -15,31 +15,28 @@ from posture.config.train import TrainConfig
 from posture.storage import checkpoint, run_dir
 from posture.storage.run_dir import PRETRAINED
 
-SHIPPED_SEED = 1
-"""Always this one: not the best, but the first."""
 
-
-def ship(jobs: Iterable[Job], into: Path = PRETRAINED) -> list[Path]:
-    """Copy the policies of `jobs` that are done and of the shipped seed, in place of those that are there."""
-    made = []
+def ship(jobs: Iterable[Job], seed: int, into: Path = PRETRAINED) -> list[Path]:
+    """Copy the policies of those `jobs` that are done and have this `seed`; they replace earlier ones."""
+    shipped = []
     for job in jobs:
         assert isinstance(job.config, TrainConfig)
         model = run_dir.newest_model(job.folder)
-        if job.config.seed != SHIPPED_SEED or fraction_done(job) < 1 or model is None:
+        if job.config.seed != seed or fraction_done(job) < 1 or model is None:
             continue
         content = checkpoint.load(model, "cpu")
-        folder = into / name(job)
+        folder = into / condition_name(job)
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         checkpoint.save({"actor_state_dict": content["actor_state_dict"], "iter": content["iter"]}, folder / model.name)
         for file in ("config.yaml", "provenance.yaml"):
             shutil.copyfile(job.folder / file, folder / file)
-        made.append(folder)
+        shipped.append(folder)
         print(folder)
-    return made
+    return shipped
 
 
-def name(job: Job) -> str:
-    """What a shipped policy is called: `default` of Exp. 1, of the others what is swept (`energy_weight-5`, `hip_k-75`)."""
+def condition_name(job: Job) -> str:
+    """Folder of a shipped policy: `default` for Exp. 1, otherwise what is swept (`energy_weight-5`, `hip_k-75`)."""
     swept = re.sub(r"_?seed-\d+_[0-9a-f]{8}$", "", job.folder.name)
     return swept or "default"

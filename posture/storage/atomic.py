@@ -1,4 +1,4 @@
-"""Files that are there whole or not at all."""
+"""Atomic writing: a file is complete, or it is not there."""
 
 import os
 import re
@@ -11,27 +11,27 @@ from pathlib import Path
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside `path`; move it onto `path` on success, delete it on failure.
 
-    A reader, or a run cut short, therefore sees the old file or the whole new one, never a torn one. Raises OSError that
-    names `path` where it cannot be written.
+    A reader therefore sees the old file or the complete new one, even if this process is killed. Raises OSError with the
+    name of `path` if it cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         yield temporary
-        # Without this a power cut could leave the new name on a file whose bytes were still on their way.
-        with open(temporary, "rb") as file:
+        # Otherwise a power cut could leave the new name on an incomplete file. Windows needs a writable descriptor.
+        with open(temporary, "r+b") as file:
             os.fsync(file.fileno())
         os.replace(temporary, path)
     except OSError as error:
         if error.errno is None:
             raise
-        raise OSError(error.errno, error.strerror, str(path)) from error  # a full disk names no file
+        raise OSError(error.errno, error.strerror, str(path)) from error  # the error of a full disk has no file name
     finally:
         temporary.unlink(missing_ok=True)
 
 
 def clear(folder: Path) -> None:
-    """Remove the temporary files of `replacing` left in `folder` by processes cut short; none may be at work in it."""
+    """Remove temporary files that killed processes left in `folder`; no other process may be using it."""
     for path in folder.glob(".*.tmp"):
         if re.fullmatch(r"\..+\.\d+\.tmp", path.name):
             path.unlink(missing_ok=True)

@@ -1,8 +1,8 @@
-"""Checkpoint files that show whether they are whole.
+"""Checkpoint files that contain their own digest.
 
-A checkpoint is torch's own file, a zip archive, and its archive comment is the SHA-256 of all bytes before the comment. The
-digest is thus replaced together with what it vouches for, and torch.load and any zip tool read the file as before. It tells
-of damage, not of who wrote a file; that nothing in one can execute code is torch's `weights_only`.
+A checkpoint is torch's file, a zip archive, whose archive comment is the SHA-256 of all bytes before the comment. File and
+digest are thus replaced together, and torch.load and zip tools can still read the file. The digest detects damage; it does
+not prove who wrote the file. torch's `weights_only` prevents a file from executing code.
 """
 
 import hashlib
@@ -17,11 +17,11 @@ from posture.storage.atomic import replacing
 
 _LABEL = b"sha256:"
 _COMMENT = len(_LABEL) + 64
-_ALLOWED = "allowed are whole files as posture.train saves them"
+_ALLOWED = "allowed are complete files saved by posture.train"
 
 
 def save(content: dict[str, Any], path: Path) -> None:
-    """Write a checkpoint so that at any moment the old file or the new one is there, whole, with its digest."""
+    """Write a checkpoint with its digest, atomically."""
     import torch
 
     file = io.BytesIO()
@@ -31,7 +31,7 @@ def save(content: dict[str, Any], path: Path) -> None:
 
 
 def load(path: Path, device: str) -> dict[str, Any]:
-    """Read a checkpoint onto `device`; nothing in it can execute code. Raises ConfigError unless it is one, and whole."""
+    """Read a checkpoint onto `device`; it cannot execute code. Raises ConfigError unless it is a complete checkpoint."""
     whole = _read(path)
     body, comment = whole[:-_COMMENT], whole[-_COMMENT:]
     if not whole:
@@ -39,15 +39,15 @@ def load(path: Path, device: str) -> dict[str, Any]:
     if not whole.startswith(b"PK"):
         raise ConfigError(f"{path}: not a checkpoint; {_ALLOWED}")
     if not comment.startswith(_LABEL):
-        raise ConfigError(f"{path}: does not end in a digest, so it was cut short or saved by something else; {_ALLOWED}")
+        raise ConfigError(f"{path}: does not end in a digest: it was cut short, or saved by another program; {_ALLOWED}")
     if comment != _LABEL + hashlib.sha256(body).hexdigest().encode():
-        raise ConfigError(f"{path}: is damaged, its digest is of other bytes; {_ALLOWED}")
+        raise ConfigError(f"{path}: is damaged: its digest does not match its content; {_ALLOWED}")
     import torch
 
     try:
         with warnings.catch_warnings(action="ignore"):  # a refusal is one line
             content = torch.load(io.BytesIO(whole), weights_only=True, map_location=device)
-    except Exception as error:  # torch raises whatever the bytes happen to provoke
+    except Exception as error:  # torch raises many types
         raise ConfigError(f"{path}: holds more than tensors and plain values ({type(error).__name__}); {_ALLOWED}") from None
     if not isinstance(content, dict):
         raise ConfigError(f"{path}: holds no named tensors; {_ALLOWED}")
@@ -55,7 +55,7 @@ def load(path: Path, device: str) -> dict[str, Any]:
 
 
 def sealed(archive: bytes) -> bytes:
-    """A zip archive without a comment, with its digest as comment."""
+    """A zip archive that had no comment, with its digest as the comment."""
     # The last two bytes of an archive are the length of its comment.
     body = archive[:-2] + _COMMENT.to_bytes(2, "little")
     return body + _LABEL + hashlib.sha256(body).hexdigest().encode()
@@ -63,7 +63,7 @@ def sealed(archive: bytes) -> bytes:
 
 def _read(path: Path) -> bytes:
     try:
-        if not stat.S_ISREG(path.stat().st_mode):  # reading a pipe would wait, and a device might never end
+        if not stat.S_ISREG(path.stat().st_mode):  # reading a pipe would block, and a device might never end
             raise ConfigError(f"{path}: not a file; {_ALLOWED}")
         return path.read_bytes()
     except FileNotFoundError:

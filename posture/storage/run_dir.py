@@ -1,14 +1,11 @@
-"""Where a run lives, and how its files are found, written and read safely; checkpoints are in
-posture/storage/checkpoint.py.
+"""Run folders: their names, and how runs and checkpoints are found.
 
-A run folder explains itself:
-
-    config.yaml       the resolved configuration: evaluation rebuilds the environment from it
-    provenance.yaml   command, versions, git commit and start time, of the start and of each time it was resumed
-    model_<n>.pt      policy, value function and optimiser after n iterations (rsl-rl's own format)
-    resume.pt         what else an exact resume needs, as of the newest model
-    events.out.*      TensorBoard
-    evaluation/       what posture.eval wrote
+config.yaml       resolved configuration, from which evaluation rebuilds the environment
+provenance.yaml   command, versions, git commit and time of each start
+model_<n>.pt      policy, value function and optimiser after n iterations (rsl-rl's format)
+resume.pt         the rest of the state that an exact resume needs, as of the newest model
+events.out.*      TensorBoard
+evaluation/       output of posture.eval
 """
 
 import datetime
@@ -26,14 +23,14 @@ from posture.storage.migration import upgrade
 
 RUNS = Path("runs")
 PRETRAINED = Path(__file__).resolve().parent.parent / "pretrained"
-"""Run folders that come with the package, reduced to their policies: posture/reproduce/ship.py."""
+"""Run folders shipped with the package, each with one policy (posture/reproduce/ship.py)."""
 
 
 def folder_for(parent: str, resume: str | None) -> str:
-    """Folder of the run that is about to start: that of the run it resumes, or a new name under `parent`.
+    """Folder for a run that starts: that of the run it resumes, or a new one under `parent`.
 
-    The name is the time and the process, so that two runs started in the same second do not share a folder. Of the processes
-    that torchrun starts the first alone writes; the others get a folder that nobody looks at.
+    A new folder is named after the time and the process, so that runs started in the same second have different folders. Of
+    the processes that torchrun starts only the first writes; the others get a temporary folder.
     """
     if resume is not None:
         return str(find_run(resume))
@@ -50,17 +47,16 @@ def is_run(folder: Path) -> bool:
 
 
 def runs_in(folder: Path) -> list[Path]:
-    """The runs of a sweep folder, in the order of their job numbers; a run folder is its own only run."""
+    """The runs of a sweep folder in the order of their job numbers; of a run folder, itself."""
     if is_run(folder):
         return [folder]
     jobs = [path for path in folder.iterdir() if path.is_dir() and is_run(path)]
-    return sorted(
-        jobs, key=lambda path: (int(path.name.split("_")[0]) if path.name.split("_")[0].isdigit() else 0, path.name)
-    )
+    number = {path: path.name.partition("_")[0] for path in jobs}
+    return sorted(jobs, key=lambda path: (int(number[path]) if number[path].isdigit() else 0, path.name))
 
 
 def find_run(name: str) -> Path:
-    """The run folder that `name` means: a path, or `latest` for the newest under runs/. Raises ConfigError."""
+    """The run folder called `name`: a path, or `latest` for the newest under runs/. Raises ConfigError."""
     if name == "latest":
         runs = [run for top in RUNS.glob("*") if top.is_dir() for run in runs_in(top) if newest_model(run)]
         if not runs:
@@ -73,8 +69,8 @@ def find_run(name: str) -> Path:
 
 
 def find_checkpoints(name: str, wanted: Callable[[Path], bool] | None = None) -> list[Path]:
-    """Checkpoint files that `ckpt=name` means: a file, the newest of a run folder, of each run of a sweep, of the latest
-    run, or one that comes with the package. Of a sweep those alone that are `wanted`. Raises ConfigError."""
+    """Checkpoint files that `ckpt=name` selects: a file, the newest of a run folder, of each run of a sweep or of the latest
+    run, or a shipped one. `wanted` selects among the runs of a sweep. Raises ConfigError if there is none."""
     path = Path(name)
     if name == "latest":
         runs = [find_run(name)]
@@ -82,7 +78,7 @@ def find_checkpoints(name: str, wanted: Callable[[Path], bool] | None = None) ->
         return [_pretrained(name.removeprefix("pretrained").lstrip("/") or "default")]
     elif path.is_file():
         if not is_run(path.parent):
-            raise ConfigError(f"{name}: there is no config.yaml beside it, so its environment is not known")
+            raise ConfigError(f"{name}: has no config.yaml beside it, so its environment is unknown")
         return [path]
     elif path.is_dir():
         runs = [run for run in runs_in(path) if wanted is None or wanted(run)]
@@ -97,12 +93,12 @@ def find_checkpoints(name: str, wanted: Callable[[Path], bool] | None = None) ->
         raise ConfigError(f"{name}: no checkpoint (model_<n>.pt) in it yet")
     for run, model in zip(runs, found, strict=True):
         if model is None:
-            print(f"left out: {run} has no checkpoint yet")
+            print(f"skipped: {run} has no checkpoint yet")
     return [model for model in found if model is not None]
 
 
 def find_checkpoint(name: str) -> Path:
-    """The only checkpoint file that `ckpt=name` means. Raises ConfigError where there are several, or none."""
+    """The only checkpoint file that `ckpt=name` selects. Raises ConfigError if there are several, or none."""
     models = find_checkpoints(name)
     if len(models) > 1:
         raise ConfigError(f"ckpt: {name} holds {len(models)} policies; allowed is one, for example {models[0]}")
@@ -118,7 +114,7 @@ def _pretrained(name: str) -> Path:
 
 
 def is_shipped(model: Path) -> bool:
-    """Whether a checkpoint is one of those that come with the package."""
+    """Whether a checkpoint is shipped with the package."""
     return PRETRAINED in model.parents
 
 
@@ -129,22 +125,22 @@ def newest_model(run: Path) -> Path | None:
 
 
 def iteration_of(model: Path) -> int:
-    """Number of iterations after which a checkpoint was saved, from its name."""
+    """Iterations after which a checkpoint was saved, from its file name."""
     return int(model.stem.removeprefix("model_"))
 
 
 def read_config(run: Path) -> TrainConfig:
-    """The run's own configuration, checked anew; nothing in it is acted on, only taken as values. Raises ConfigError."""
+    """The configuration of a run, upgraded and checked. Nothing in the file is executed. Raises ConfigError."""
     path = run / "config.yaml"
     values = yaml_files.read(path)
     if not isinstance(values, dict):
-        raise ConfigError(f"{path}: not a configuration; allowed is one as posture.train writes it")
+        raise ConfigError(f"{path}: not a configuration; allowed is one that posture.train wrote")
     yaml_files.refuse_instructions(values, path)
     return read(TrainConfig, upgrade(values, path), str(path))
 
 
 def writable(folder: Path) -> Path:
-    """`folder`, made if need be. Raises ConfigError where nothing can be written to it, before anything was computed."""
+    """`folder`, created if necessary. Raises ConfigError if it cannot be written to."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

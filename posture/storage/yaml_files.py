@@ -1,4 +1,4 @@
-"""YAML files of plain values: nothing in one is built, repeated, looked up or replaced."""
+"""YAML files of plain values, without tags, anchors or interpolations."""
 
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,10 @@ _ALLOWED = "allowed are plain values, as posture.train writes them"
 
 
 def read(path: Path) -> Any:
-    """What the file at `path` says. Raises ConfigError where it cannot be read or has a tag or an anchor."""
+    """The content of a file. Raises ConfigError if it cannot be read, or has a tag or an anchor."""
     try:
         text = path.read_text(encoding="utf-8")
-        # A tag names a class to build; an anchor, repeated, lets a short file stand for an endless one.
+        # A tag can name a class to create, and anchors let a short file expand to an endless one.
         if any(isinstance(token, (yaml.AnchorToken, yaml.TagToken)) for token in yaml.scan(text)):
             raise ConfigError(f"{path}: has a tag or an anchor; {_ALLOWED}")
         return yaml.safe_load(text)
@@ -24,10 +24,10 @@ def read(path: Path) -> Any:
 
 
 def refuse_instructions(values: Any, path: Path) -> None:
-    """Raise ConfigError where a string or a key of `values`, from the file at `path`, means something else to Hydra or
-    OmegaConf: an interpolation (`${oc.env:HOME}`), or a key such as `_target_`."""
+    """Raise ConfigError if `values` hold something that Hydra or OmegaConf would act on: an interpolation such as
+    `${oc.env:HOME}`, or a key such as `_target_`. `path` is the file that is named in the error."""
     if isinstance(values, str) and "${" in values:
-        raise ConfigError(f"{path}: {values!r:.80} is to be replaced by something else; {_ALLOWED}")
+        raise ConfigError(f"{path}: {values!r:.80} is an interpolation; {_ALLOWED}")
     if isinstance(values, dict):
         for key, value in values.items():
             if not isinstance(key, str) or key.startswith("_"):
@@ -40,13 +40,13 @@ def refuse_instructions(values: Any, path: Path) -> None:
 
 
 def write_yaml(path: Path, values: Any) -> None:
-    """Write plain values as YAML, whole or not at all."""
+    """Write plain values as YAML, atomically."""
     with replacing(path) as temporary:
         temporary.write_text(yaml.safe_dump(values, sort_keys=False, allow_unicode=True), encoding="utf-8")
 
 
 def read_yaml(path: Path) -> Any:
-    """What `write_yaml` wrote; None where there is no such file or it cannot be read."""
+    """The content of a file that `write_yaml` wrote; None if it does not exist or cannot be read."""
     try:
         return yaml.safe_load(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError, yaml.YAMLError):

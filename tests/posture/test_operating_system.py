@@ -9,9 +9,10 @@ import pytest
 
 from posture.operating_system import block_signals, lower_priority, process_is_alive, yield_processor
 
-posix = pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot hold signals back")
+posix = pytest.mark.skipif(sys.platform == "win32", reason="there is no such function on Windows")
 
 
+@posix
 def test_a_process_is_alive_until_it_has_been_waited_for():
     process = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
     assert process_is_alive(process.pid) and process_is_alive(os.getpid())
@@ -51,8 +52,10 @@ def test_processes_started_while_signals_are_blocked_ignore_them():
 
 def test_on_windows_no_posix_function_is_called(monkeypatch):
     monkeypatch.setattr(sys, "platform", "win32")
-    for module, name in ((signal, "pthread_sigmask"), (os, "sched_yield"), (os, "nice")):
+    for module, name in ((signal, "pthread_sigmask"), (os, "sched_yield"), (os, "nice"), (os, "kill")):
         monkeypatch.delattr(module, name, raising=False)
     with block_signals((signal.SIGINT, signal.SIGTERM)):
         yield_processor()
     lower_priority(5)
+    with pytest.raises(NotImplementedError):
+        process_is_alive(os.getpid())

@@ -1,32 +1,25 @@
-"""Means over seeds by condition, and how to say them: rows in, numbers and short phrases out."""
+"""Means over seeds by condition, and how they are written: results in, numbers and phrases out."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from posture.analysis.results import Row
+from posture.analysis.results import Result
 from posture.analysis.statistics import bootstrap_mean
+from posture.reproduce.quantities import Getter, Variable
 
-Condition = tuple[Any, ...]
-"""The values of the columns that tell one condition from another."""
-
-_LABELS = {
-    "freq_hz": "{:g} Hz",
-    "energy_weight": "gamma {:g}",
-    "hip_k_nm_per_rad": "{:g} Nm/rad",
-    "load_kg": "{:g} kg",
-    "amplitude_m": "{:g} m",
-}
+Condition = tuple[float, ...]
+"""A value of each variable that distinguishes the conditions of an experiment."""
 
 
 class SeedMean(NamedTuple):
-    """A mean over seeds with its 95 % bootstrap interval, in the column's unit; nan where there are too few values.
+    """A mean over seeds with its 95 % bootstrap interval, in the unit of its values; nan where there are too few.
 
-    n: values that were averaged. trials: all rows of the condition, falls and undefined indices among them.
+    n: number of values. trials: number of trials, those without a value (a fall, an undefined index) included.
     """
 
     mean: float
@@ -35,110 +28,127 @@ class SeedMean(NamedTuple):
     n: int
     trials: int
 
+    @property
+    def is_known(self) -> bool:
+        """Whether at least half of the trials have a value, so that it is not the mean of a few survivors."""
+        return self.n > 0 and 2 * self.n >= self.trials
+
     def text(self, spec: str) -> str:
-        """As "0.59 (0.50 to 0.71)", numbers by `spec`; without interval where there is none, a dash without a value."""
+        """As "0.59 (0.50 to 0.71)", numbers in the format `spec`; without an interval if it has none; "-" for no value."""
         if not self.n:
             return "-"
         mean = f"{self.mean:{spec}}"
         return mean if math.isnan(self.low) else f"{mean} ({self.low:{spec}} to {self.high:{spec}})"
 
 
-def seed_means(rows: Sequence[Row], by: Sequence[str], column: str) -> dict[Condition, SeedMean]:
-    """Mean of `column` over the seeds of each condition, in the rising order of the conditions.
-
-    A condition is the tuple of the values of columns `by`. A row that is not valid (a fall), or has no such value, is left
-    out of the mean but counts among the trials.
-    """
-    means = {}
-    for condition, group in _grouped(rows, by).items():
-        means[condition] = mean_of([_value(row, column) if row["valid"] else math.nan for row in group])
-    return means
+Means = Mapping[Condition, SeedMean]
 
 
 def mean_of(values: Sequence[float]) -> SeedMean:
-    """The mean of a value of each seed, nan where it has none."""
-    found = [value for value in values if math.isfinite(value)]
-    return SeedMean(*bootstrap_mean(found), n=len(found), trials=len(values))
+    """The mean of one value for each seed, nan for a seed without one."""
+    known = [value for value in values if math.isfinite(value)]
+    return SeedMean(*bootstrap_mean(known), n=len(known), trials=len(values))
 
 
-def theory_means(rows: Sequence[Row], by: Sequence[str], column: str) -> dict[Condition, SeedMean]:
-    """The same of a column of theory, which every row of a condition shares, fallen or not; only where it has a value."""
+def seed_means(results: Sequence[Result], by: Sequence[Variable], value: Getter) -> dict[Condition, SeedMean]:
+    """Mean of `value` over the seeds of each condition, in rising order. Trials that are not valid have no value."""
+    return {
+        condition: mean_of([value(result) if result.valid else math.nan for result in group])
+        for condition, group in group_by(results, by).items()
+    }
+
+
+def theory_means(results: Sequence[Result], by: Sequence[Variable], value: Getter | None) -> dict[Condition, SeedMean]:
+    """The same for a value in theory, which all trials of a condition share, valid or not; only where it is finite."""
     means = {}
-    for condition, group in _grouped(rows, by).items():
-        values = [value for row in group if math.isfinite(value := _value(row, column))]
-        if values:
-            means[condition] = SeedMean(float(np.median(values)), math.nan, math.nan, n=len(values), trials=len(values))
+    for condition, group in group_by(results, by).items() if value else ():
+        known = [number for result in group if value and math.isfinite(number := value(result))]
+        if known:
+            means[condition] = SeedMean(float(np.median(known)), math.nan, math.nan, n=len(known), trials=len(known))
     return means
 
 
-def where(rows: Sequence[Row], column: str, values: Sequence[float | str]) -> list[Row]:
-    """The rows whose `column` is one of `values`."""
-    wanted = {_key(value) for value in values}
-    return [row for row in rows if _key(row[column]) in wanted]
+def where(results: Sequence[Result], variable: Variable, values: Sequence[float]) -> list[Result]:
+    """The results at one of the `values` of a variable."""
+    wanted = {_rounded(value) for value in values}
+    return [result for result in results if _rounded(variable.value(result)) in wanted]
 
 
 def conditions(values: Sequence[float]) -> list[Condition]:
-    """The conditions of a sweep of one column, as the keys of `seed_means` have them."""
-    return [(_key(value),) for value in values]
+    """The conditions of a sweep of one variable, as `seed_means` has them."""
+    return [(_rounded(value),) for value in values]
 
 
-def label(by: Sequence[str], condition: Condition) -> str:
+def steps(low: float, high: float, step: float) -> list[float]:
+    """`low`, `low` + `step`, ... `high`, as `conditions` has them."""
+    return [_rounded(low + i * step) for i in range(round((high - low) / step) + 1)]
+
+
+def group_by(results: Sequence[Result], by: Sequence[Variable]) -> dict[Condition, list[Result]]:
+    """Results by condition, in rising order."""
+    groups: dict[Condition, list[Result]] = {}
+    for result in results:
+        groups.setdefault(tuple(_rounded(variable.value(result)) for variable in by), []).append(result)
+    return dict(sorted(groups.items()))
+
+
+def label(by: Sequence[Variable], condition: Condition) -> str:
     """A condition in words: "0.15 Hz", "25 Nm/rad and 0.5 Hz"."""
-    return " and ".join(_LABELS.get(name, "{}").format(value) for name, value in zip(by, condition, strict=True))
+    return " and ".join(variable.text.format(value) for variable, value in zip(by, condition, strict=True))
 
 
-def listing(means: Mapping[Condition, SeedMean], by: Sequence[str], spec: str) -> str:
+def labels(by: Sequence[Variable], some: Sequence[Condition]) -> str:
+    """Several conditions in words."""
+    return ", ".join(label(by, condition) for condition in some)
+
+
+def listing(means: Means, by: Sequence[Variable], spec: str) -> str:
     """Every mean with its interval: "0.59 (0.50 to 0.71) at 0.15 Hz, 0.81 at 0.3 Hz"."""
     return ", ".join(f"{mean.text(spec)} at {label(by, condition)}" for condition, mean in means.items())
 
 
-def span(means: Mapping[Condition, SeedMean], by: Sequence[str], spec: str) -> str:
-    """The first and the last mean with their intervals, and the least or largest where it lies between them."""
+def span(means: Means, by: Sequence[Variable], spec: str) -> str:
+    """The first and the last mean with their intervals, and the lowest and highest if they lie between."""
     known = {condition: mean for condition, mean in means.items() if mean.n}
     if not known:
         return "no value"
-    least, largest = (pick(known, key=lambda condition: known[condition].mean) for pick in (min, max))
-    first, *_, last = known if len(known) > 1 else [*known, *known]
+    first, last = next(iter(known)), next(reversed(known))
     text = listing({condition: known[condition] for condition in (first, last)}, by, spec)
-    for name, condition in (("least", least), ("largest", largest)):
+    for name, pick in (("lowest", min), ("highest", max)):
+        condition = pick(known, key=lambda condition: known[condition].mean)
         if known[condition].mean not in (known[first].mean, known[last].mean):
             text += f", {name} {listing({condition: known[condition]}, by, spec)}"
     return text
 
 
-def sample(rows: Sequence[Row], by: Sequence[str]) -> str:
-    """How many seeds, and which trials fell or failed: "3 seeds; 1 of 30 trials fell: 1.5 Hz (seed 3)"."""
-    seeds = {row["seed"] for row in rows}
-    text = f"{len(seeds)} seed{'s' if len(seeds) != 1 else ''}"
-    counts = {len(group) for group in _grouped(rows, by).values()}
+def sample(results: Sequence[Result], by: Sequence[Variable]) -> str:
+    """Number of seeds, and which trials fell or failed: "3 seeds; 1 of 30 trials fell: 1.5 Hz (seed 3)"."""
+    text = plural(len({result.origin.seed for result in results}), "seed")
+    counts = {len(group) for group in group_by(results, by).values()}
     if len(counts) > 1:
-        text += f" ({min(counts)} to {max(counts)} a condition)"
-    fallen = [row for row in rows if not row["valid"] and row["fell"]]
-    failed = [row for row in rows if not row["valid"] and not row["fell"]]
-    text += f"; {_named(fallen, by, 'fell', len(rows))}" if fallen else "; no falls"
-    return text + (f"; {_named(failed, by, 'gave no finite result', len(rows))}" if failed else "")
+        text += f" ({min(counts)} to {max(counts)} for a condition)"
+    fell = [result for result in results if not result.valid and result.fell]
+    failed = [result for result in results if not result.valid and not result.fell]
+    text += f"; {len(fell)} of {len(results)} trials fell: {_named(fell, by)}" if fell else "; no falls"
+    if failed:
+        text += f"; {len(failed)} of {len(results)} trials gave no finite result: {_named(failed, by)}"
+    return text
 
 
-def _named(rows: Sequence[Row], by: Sequence[str], fate: str, trials: int) -> str:
-    where = []
-    for condition, group in _grouped(rows, by).items():
-        seeds = sorted({row["seed"] for row in group})
-        names = f"seed{'s' if len(seeds) != 1 else ''} {', '.join(f'{seed:g}' for seed in seeds)}"
-        where.append(f"{label(by, condition)} ({names})" if condition else names)
-    return f"{len(rows)} of {trials} trials {fate}: {', '.join(where)}"
+def plural(count: int, noun: str) -> str:
+    """As "1 seed", "3 seeds"."""
+    return f"{count} {noun}{'s' * (count != 1)}"
 
 
-def _grouped(rows: Sequence[Row], by: Sequence[str]) -> dict[Condition, list[Row]]:
-    groups: dict[Condition, list[Row]] = {}
-    for row in rows:
-        groups.setdefault(tuple(_key(row[name]) for name in by), []).append(row)
-    return dict(sorted(groups.items()))
+def _named(results: Sequence[Result], by: Sequence[Variable]) -> str:
+    parts = []
+    for condition, group in group_by(results, by).items():
+        seeds = sorted({result.origin.seed for result in group})
+        names = f"seed{'s' * (len(seeds) != 1)} {', '.join(map(str, seeds))}"
+        parts.append(f"{label(by, condition)} ({names})" if condition else names)
+    return ", ".join(parts)
 
 
-def _key(value: Any) -> Any:
-    """0.1 + 0.2 and 0.3 are the same condition."""
-    return round(float(value), 6) if isinstance(value, int | float) else value
-
-
-def _value(row: Row, column: str) -> float:
-    return float(row.get(column, math.nan))
+def _rounded(value: float) -> float:
+    """So that 0.1 + 0.2 and 0.3 are the same condition."""
+    return round(float(value), 6)

@@ -1,49 +1,52 @@
-"""What a well-trained reproduction is asked for, and whether it is met: rows of results in, answers out.
-
-For `results`, `paper` and `transitions` see `posture.reproduce.__main__.claims.all_claims`.
-"""
+"""What a well-trained reproduction should reach, and whether it does. Results in, targets out."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from posture.analysis.results import Row
+from posture.analysis.results import Result
+from posture.config.published import Published
+from posture.config.reproduce import ReportConfig
 from posture.reproduce.claims.frequency import switches
-from posture.reproduce.claims.rules import MEASURED_SHARE, Means, shown_mode
+from posture.reproduce.claims.rules import mode_of
 from posture.reproduce.claims.seed_means import (
     Condition,
+    Means,
     conditions,
     label,
+    labels,
     mean_of,
     sample,
     seed_means,
     theory_means,
     where,
 )
-from posture.reproduce.claims.sweeps import map_grid, map_modes
-from posture.reproduce.claims.verdict import NO_RESULTS, THEORY, Paper, Results, Transitions, by_seed
+from posture.reproduce.claims.stiffness import map_grid, map_modes
+from posture.reproduce.claims.verdict import NO_RESULTS, THEORY, Transitions, by_seed
+from posture.reproduce.quantities import (
+    COST_RATIO,
+    ENERGY,
+    ENERGY_WEIGHT,
+    FREQ,
+    HEAD_AMPLITUDE,
+    HEAD_SPEED,
+    HIP_ANKLE_R,
+    HIP_K,
+    TARGET_HEAD_R,
+    Quantity,
+    Variable,
+)
 
-SWITCH_HZ = 0.05
-"""How near the switch must come to theory's [Hz]: a third of the step of paper Table 3."""
-LESS_R = 0.005
-"""By how much the target-head correlation may be below paper Table 3's."""
-MARGIN = 0.03
-"""Share by which head amplitude and speed may lie outside what the least-torque motion and the paper have."""
-COST = 1.15
-"""Mean cost over least cost that is allowed."""
-SAME_PATTERN = 0.95
-"""Of the conditions: near a switch of modes one in twenty may differ by chance."""
-
-_FREQ = ("freq_hz",)
+BY = (FREQ,)
 
 
 @dataclass(frozen=True)
 class Target:
-    """met: None where the results do not say."""
+    """met: None if the results do not show it."""
 
     name: str
     required: str
@@ -51,167 +54,184 @@ class Target:
     met: bool | None
 
 
-def targets(results: Results, paper: Paper, transitions: Transitions) -> list[Target]:
-    """All targets, Exp. 1 first."""
-    every = results.get("frequency", ())
-    rows = where(every, "freq_hz", paper["table_3"]["freq_hz"])
-    stiffness = results.get("hip_stiffness", ())
-    third = paper["experiment_3"]
-    half_hertz = where(stiffness, "freq_hz", [third["freq_hz"]])
-    by_stiffness = dict(zip(conditions(third["hip_k_nm_per_rad"]), third["mode"], strict=True))
+def targets(
+    results: Mapping[str, Sequence[Result]], paper: Published, transitions: Transitions, report: ReportConfig
+) -> list[Target]:
+    """All targets, those of Exp. 1 first."""
+    frequency, energy, stiffness = (results.get(name, ()) for name in ("frequency", "energy", "hip_stiffness"))
+    table, third = paper.table_3, paper.experiment_3
+    own = where(frequency, FREQ, table.freq_hz)
+    ten = conditions(table.freq_hz)
+    amplitudes, speeds = (dict(zip(ten, column, strict=True)) for column in (table.head_amplitude_m, table.head_speed_mps))
+    modes = dict(zip(conditions(third.hip_k_nm_per_rad), third.mode, strict=True))
+    at_one = where(stiffness, FREQ, [third.freq_hz])
+    share = report.targets.modes_share
+    measured_share = report.claims.measured_share
     return [
-        _switch(every, transitions.get("reward", math.nan)),
-        _stands(rows, paper),
-        _tracks(rows, paper),
-        _between("Head amplitude", "head_amplitude_m", "m", rows, paper),
-        _between("Head speed", "head_speed_mps", "m/s", rows, paper),
-        _energy(results.get("energy", ()), paper),
-        _cost(rows, paper),
-        _signs("Modes of Exp. 3", half_hertz, ("hip_k_nm_per_rad",), list(by_stiffness), by_stiffness),
-        _signs("Modes of Fig. 13", stiffness, ("hip_k_nm_per_rad", "freq_hz"), map_grid(paper), map_modes(paper)),
+        _switch(frequency, transitions.reward, report.targets.switch_hz),
+        _no_falls(own, ten),
+        _tracks(own, dict(zip(ten, table.target_head_r, strict=True)), report.targets.tracking),
+        _between("Head amplitude", "m", HEAD_AMPLITUDE, own, amplitudes, report.targets.head_motion_share),
+        _between("Head speed", "m/s", HEAD_SPEED, own, speeds, report.targets.head_motion_share),
+        _energy(energy, paper),
+        _cost(own, ten, report.targets.cost_ratio),
+        _modes("Modes of Exp. 3", at_one, (HIP_K,), list(modes), modes, share, measured_share),
+        _modes(
+            "Modes of Fig. 13",
+            stiffness,
+            (HIP_K, FREQ),
+            map_grid(paper, report),
+            map_modes(paper, report),
+            share,
+            measured_share,
+        ),
     ]
 
 
-def _switch(rows: Sequence[Row], theory_hz: float) -> Target:
+def _switch(results: Sequence[Result], theory_hz: float, margin_hz: float) -> Target:
     name = "Switch of modes in Exp. 1"
     if math.isnan(theory_hz):
-        return Target(name, "near theory's for the trained reward", "theory has no switch", None)
-    required = f"mean over seeds within {SWITCH_HZ:g} Hz of theory's for the trained reward, {theory_hz:.3f} Hz"
-    if not rows:
+        return Target(name, "close to that in theory for the trained reward", "no switch in theory", None)
+    required = f"mean over seeds within {margin_hz:g} Hz of that in theory for the trained reward, {theory_hz:.3f} Hz"
+    if not results:
         return Target(name, required, NO_RESULTS, None)
-    found = switches(rows)
+    found = switches(results)
     away = mean_of(list(found.values())).mean - theory_hz
-    measured = by_seed(found)
-    if math.isfinite(away):
-        measured += f", {away:+.3f} Hz from theory's"
-    return Target(name, required, measured, abs(away) <= SWITCH_HZ and not any(map(math.isnan, found.values())))
+    measured = by_seed(found) + (f", {away:+.3f} Hz from that in theory" if math.isfinite(away) else "")
+    return Target(name, required, measured, abs(away) <= margin_hz and not any(map(math.isnan, found.values())))
 
 
-def _stands(rows: Sequence[Row], paper: Paper) -> Target:
-    required = "no seed falls at any of the ten frequencies"
-    measured = sample(rows, _FREQ) if rows else NO_RESULTS
-    missing = _missing(rows, paper)
-    if rows and missing:
-        measured += f"; no results at {', '.join(missing)}"
-    stood = all(row["valid"] for row in rows)
-    return Target("No falls in Exp. 1", required, measured, False if not stood else None if missing else True)
+def _no_falls(results: Sequence[Result], ten: Sequence[Condition]) -> Target:
+    present = conditions([result.freq_hz for result in results])
+    missing = [c for c in ten if c not in present]
+    measured = sample(results, BY) if results else NO_RESULTS
+    if results and missing:
+        measured += f"; no results at {labels(BY, missing)}"
+    stood = all(result.valid for result in results)
+    met = None if stood and missing else stood
+    return Target("No falls in Exp. 1", "no seed falls at any of the ten frequencies", measured, met)
 
 
-def _tracks(rows: Sequence[Row], paper: Paper) -> Target:
-    means = seed_means(rows, _FREQ, "target_head_r")
-    least = theory_means(rows, _FREQ, "least_target_head_r")
-    table = _table_3(paper, "target_head_r")
-    told = []
+def _tracks(results: Sequence[Result], published: Mapping[Condition, float], margin: float) -> Target:
+    means = seed_means(results, BY, TARGET_HEAD_R.measured)
+    least = theory_means(results, BY, TARGET_HEAD_R.least)
+    misses = []
     for c, mean in means.items():
-        short = table[c] - mean.mean
-        if mean.n and short > LESS_R:
-            own = f", least-torque motion {least[c].mean:.4f}" if c in least else ""
-            told.append(f"{label(_FREQ, c)} {mean.text('.4f')}, {short:.4f} below the paper's {table[c]:.4f}{own}")
-    return _at_each(
-        "Target-head correlation", f"at least paper Table 3's less {LESS_R:g} at each frequency", means, told, rows, paper
-    )
+        below = published[c] - mean.mean
+        if mean.n and below > margin:
+            theory = f", least-torque motion {least[c].mean:.4f}" if c in least else ""
+            misses.append(f"{label(BY, c)} {mean.text('.4f')}, {below:.4f} below the paper's {published[c]:.4f}{theory}")
+    required = f"at most {margin:g} below paper Table 3 at each frequency"
+    return _at_each("Target-head correlation", required, means, misses, results, published)
 
 
-def _between(name: str, column: str, unit: str, rows: Sequence[Row], paper: Paper) -> Target:
-    """Between the least-torque motion's and paper Table 3's, whichever is larger."""
-    means, table = seed_means(rows, _FREQ, column), _table_3(paper, column)
-    least = theory_means(rows, _FREQ, f"least_{column}")
-    told = []
+def _between(
+    name: str,
+    unit: str,
+    quantity: Quantity,
+    results: Sequence[Result],
+    published: Mapping[Condition, float],
+    margin: float,
+) -> Target:
+    """Between the values of the least-torque motion and of paper Table 3, whichever is larger, give or take `margin`."""
+    required = f"at each frequency between the least-torque motion and paper Table 3, within {margin:.0%}"
+    means = seed_means(results, BY, quantity.measured)
+    least = theory_means(results, BY, quantity.least)
+    if results and not least:
+        return Target(name, required, f"no values of the least-torque motion; {sample(results, BY)}", None)
+    misses = []
     for c, mean in means.items():
-        ends = sorted((least[c].mean if c in least else table[c], table[c]))
-        if mean.n and not ends[0] * (1 - MARGIN) <= mean.mean <= ends[1] * (1 + MARGIN):
-            away = mean.mean / ends[0] - 1 if mean.mean < ends[0] else mean.mean / ends[1] - 1
-            told.append(f"{label(_FREQ, c)} {mean.text('.4f')} {unit}, {away:+.1%} from {ends[0]:.4f} to {ends[1]:.4f}")
-    required = f"at each frequency between the least-torque motion's and paper Table 3's, within {MARGIN:.0%}"
-    if rows and not least:
-        return Target(name, required, f"no values of the least-torque motion; {sample(rows, _FREQ)}", None)
-    return _at_each(name, required, means, told, rows, paper)
+        low, high = sorted((least[c].mean if c in least else published[c], published[c]))
+        if mean.n and not low * (1 - margin) <= mean.mean <= high * (1 + margin):
+            away = mean.mean / (low if mean.mean < low else high) - 1
+            misses.append(f"{label(BY, c)} {mean.text('.4f')} {unit}, {away:+.1%} from {low:.4f} to {high:.4f}")
+    return _at_each(name, required, means, misses, results, published)
 
 
-def _at_each(name: str, required: str, means: Means, misses: Sequence[str], rows: Sequence[Row], paper: Paper) -> Target:
-    """The target where `misses` names the conditions that miss it."""
-    if not rows:
+def _at_each(
+    name: str,
+    required: str,
+    means: Means,
+    misses: Sequence[str],
+    results: Sequence[Result],
+    published: Mapping[Condition, float],
+) -> Target:
+    """The target where `misses` describes the conditions that miss it."""
+    if not results:
         return Target(name, required, NO_RESULTS, None)
     known = [c for c, mean in means.items() if mean.n]
+    unknown = [c for c in published if c not in known]
     measured = f"met at {len(known) - len(misses)} of {len(known)} frequencies"
     if misses:
         measured += f"; missed at {'; '.join(misses)}"
-    if lacking := [label(_FREQ, c) for c in _table_3(paper, "target_head_r") if c not in known]:
-        measured += f"; no value at {', '.join(lacking)}"
-    met = False if misses else None if lacking else True
-    return Target(name, required, f"{measured}; {sample(rows, _FREQ)}", met)
+    if unknown:
+        measured += f"; no value at {labels(BY, unknown)}"
+    return Target(name, required, f"{measured}; {sample(results, BY)}", False if misses else None if unknown else True)
 
 
-def _energy(results: Sequence[Row], paper: Paper) -> Target:
-    gamma, table = paper["table_3"]["condition"]["energy_weight"], paper["table_4"]
-    allowed = dict(zip(conditions(table["gamma"]), table["energy_j"], strict=True))[conditions([gamma])[0]]
+def _energy(results: Sequence[Result], paper: Published) -> Target:
+    gamma, by = paper.table_3.condition.energy_weight, (ENERGY_WEIGHT,)
+    allowed = dict(zip(paper.table_4.gamma, paper.table_4.energy_j, strict=True))[gamma]
     name, required = f"Energy of Exp. 2 at gamma {gamma:g}", f"at most the paper's {allowed:g} J"
-    rows = where(results, "energy_weight", [gamma])
-    if not rows:
+    own = where(results, ENERGY_WEIGHT, [gamma])
+    if not own:
         return Target(name, required, NO_RESULTS, None)
-    mean = seed_means(rows, ("energy_weight",), "energy_j")[conditions([gamma])[0]]
-    measured = f"{mean.text('.1f')} J; {sample(rows, ('energy_weight',))}"
+    (mean,) = seed_means(own, by, ENERGY.measured).values()
+    measured = f"{mean.text('.1f')} J; {sample(own, by)}"
     return Target(name, required, measured, mean.mean <= allowed if mean.n else None)
 
 
-def _cost(rows: Sequence[Row], paper: Paper) -> Target:
-    """Only seeds that stood at all ten frequencies have a mean: without the dear ones it would flatter."""
-    name = "Cost in Exp. 1"
-    required = f"mean over the ten frequencies of cost over least cost at most {COST:g}"
-    if not rows:
+def _cost(results: Sequence[Result], ten: Sequence[Condition], allowed: float) -> Target:
+    """Only seeds that stood at all ten frequencies count: a mean without the costly ones would be too low."""
+    name, required = "Cost in Exp. 1", f"mean over the ten frequencies of cost over least cost at most {allowed:g}"
+    if not results:
         return Target(name, required, NO_RESULTS, None)
     ratios = {}
-    for seed in sorted({row["seed"] for row in rows}):
-        own = seed_means([row for row in rows if row["seed"] == seed], _FREQ, "cost_ratio")
-        if all(c in own and own[c].n for c in _table_3(paper, "target_head_r")):
+    for seed in sorted({result.origin.seed for result in results}):
+        own = seed_means([result for result in results if result.origin.seed == seed], BY, COST_RATIO.measured)
+        if all(c in own and own[c].n for c in ten):
             ratios[seed] = float(np.mean([mean.mean for mean in own.values()]))
     if not ratios:
-        return Target(name, required, f"no seed with a cost at all ten; {sample(rows, _FREQ)}", None)
+        return Target(name, required, f"no seed with a cost at all ten; {sample(results, BY)}", None)
     mean = mean_of(list(ratios.values()))
-    told = ", ".join(f"seed {seed:g} {ratio:.3f}" for seed, ratio in ratios.items())
-    return Target(name, required, f"{told}; mean {mean.text('.3f')}; {sample(rows, _FREQ)}", mean.mean <= COST)
+    each = ", ".join(f"seed {seed} {ratio:.3f}" for seed, ratio in ratios.items())
+    return Target(name, required, f"{each}; mean {mean.text('.3f')}; {sample(results, BY)}", mean.mean <= allowed)
 
 
-def _signs(
-    name: str, rows: Sequence[Row], by: Sequence[str], grid: Sequence[Condition], published: Mapping[Condition, str]
+def _modes(
+    name: str,
+    results: Sequence[Result],
+    by: Sequence[Variable],
+    grid: Sequence[Condition],
+    published: Mapping[Condition, str],
+    share: float,
+    measured_share: float,
 ) -> Target:
-    """Modes against the paper's, where it names them, and against theory's."""
-    required = f"as the paper's or as theory's in at least {SAME_PATTERN:.0%} of the conditions"
-    ours = {c: shown_mode(mean) for c, mean in seed_means(rows, by, "hip_ankle_r").items() if c in grid}
+    """Modes compared with the paper's, where it names them, and with those in theory.
+
+    A theory counts if it has a mode in at least `measured_share` of our conditions.
+    """
+    required = f"the same as the paper's or those in theory in at least {share:.0%} of the conditions"
+    ours = {c: mode_of(mean) for c, mean in seed_means(results, by, HIP_ANKLE_R.measured).items() if c in grid}
     if not ours:
         return Target(name, required, NO_RESULTS, None)
-    references = {"the paper": {c: f"{mode}-phase" for c, mode in published.items()}}
-    for prefix, source in THEORY.items():
-        means = theory_means(rows, by, f"{prefix}_hip_ankle_r")
-        modes = {c: shown_mode(mean) for c, mean in means.items() if c in ours}
-        if modes and len(modes) >= MEASURED_SHARE * len(ours):
+    references = {"the paper": {c: f"{mode}-phase" for c, mode in published.items() if c in ours}}
+    for theory, source in THEORY.items():
+        means = theory_means(results, by, HIP_ANKLE_R.in_theory(theory))
+        modes = {c: mode_of(mean) for c, mean in means.items() if c in ours}
+        if len(modes) >= measured_share * len(ours):
             references[source] = modes
-    told, same = [], []
+    texts, same = [], []
     for source, modes in references.items():
-        both = ours.keys() & modes.keys()
-        if not both:
+        if not modes:
             continue
-        agree = sum(ours[c] == modes[c] for c in both)
-        named = " that it names" if len(both) < len(ours) else ""
-        told.append(f"as {source} in {agree} of {len(both)}{named}")
-        if agree >= SAME_PATTERN * len(both):
+        agree = sum(ours[c] == mode for c, mode in modes.items())
+        texts.append(f"as {source} in {agree} of {len(modes)}{' that it names' if len(modes) < len(ours) else ''}")
+        if agree >= share * len(modes):
             same.append(source)
-    measured = f"{', '.join(told)}: {f'the pattern of {_and(same)}' if same else 'neither pattern'}"
+    verdict = f"the pattern of {' and of '.join(same)}" if same else "neither pattern"
+    measured = f"{', '.join(texts)}: {verdict}"
     missing = len(grid) - len(ours)
     if missing:
         measured += f"; no results in {missing} of {len(grid)} conditions"
-    return Target(name, required, f"{measured}; {sample(rows, by)}", None if missing else bool(same))
-
-
-def _and(names: Iterable[str]) -> str:
-    return " and of ".join(names)
-
-
-def _table_3(paper: Paper, column: str) -> dict[Condition, float]:
-    table = paper["table_3"]
-    return dict(zip(conditions(table["freq_hz"]), table[column], strict=True))
-
-
-def _missing(rows: Sequence[Row], paper: Paper) -> list[str]:
-    there = set(conditions([row["freq_hz"] for row in rows]))
-    return [label(_FREQ, c) for c in conditions(paper["table_3"]["freq_hz"]) if c not in there]
+    return Target(name, required, f"{measured}; {sample(results, by)}", None if missing else bool(same))

@@ -1,4 +1,4 @@
-"""A verdict on a claim of the paper, and how it comes about: one rule for our results and for theory's values alike."""
+"""A verdict on a claim of the paper, by one rule for the results and for the values in theory."""
 
 from __future__ import annotations
 
@@ -7,39 +7,58 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import groupby
-from typing import Any
 
-from posture.analysis.results import Row
-from posture.reproduce.claims.rules import Judgement, Means, Outcome
-from posture.reproduce.claims.seed_means import Condition, label, listing, mean_of, sample, seed_means, span, theory_means
+from posture.analysis.results import Result
+from posture.reproduce.claims.rules import Judgement, Outcome
+from posture.reproduce.claims.seed_means import (
+    Condition,
+    Means,
+    label,
+    listing,
+    mean_of,
+    sample,
+    seed_means,
+    span,
+    theory_means,
+)
+from posture.reproduce.quantities import Quantity, Theory, Variable
 
-Results = Mapping[str, Sequence[Row]]
-"""By experiment, a row a seed and condition."""
-Paper = Mapping[str, Any]
-"""The content of conf/paper.yaml."""
-Transitions = Mapping[str, float]
-"""By theory (least, reward, sinusoid), the frequency at which its modes switch [Hz]; nan where they do not."""
-Read = Callable[[str], Means]
-"""From the name of a column to its means by condition."""
+Read = Callable[[Quantity], Means]
+"""From a quantity to its means by condition."""
 Judge = Callable[[Read], Judgement]
-Shown = tuple[str, str, str]
-"""A column that is reported, the format of its numbers, and what it is called."""
 
-THEORY = {"least": "least torque", "reward": "optimum of the trained reward"}
-"""Prefix of theory's columns, and what they are."""
+THEORY: Mapping[Theory, str] = {"least": "least torque", "reward": "optimum of the trained reward"}
+"""The two optima in theory, in words."""
 NO_RESULTS = "no results"
 IN_FIGURE = "in a figure only"
-PARTS_RULE = " The whole is reproduced where both parts are, partly where one is or both are partly."
-PHASE_IN_THEORY = " Theory is judged by its correlation, which goes the other way."
+PHASE_IN_THEORY = " In theory the correlation is judged, which changes in the opposite direction."
+
+
+@dataclass(frozen=True)
+class Transitions:
+    """Frequency [Hz] at which the modes of the linear stander switch; nan where they do not.
+
+    least: in the motion of least torque. reward: in the optimum of the trained reward. sinusoid: in the sinusoid of least
+    torque.
+    """
+
+    least: float = math.nan
+    reward: float = math.nan
+    sinusoid: float = math.nan
+
+    def __str__(self) -> str:
+        names = {"least torque": self.least, "optimum of the trained reward": self.reward}
+        names["least-torque sinusoid"] = self.sinusoid
+        return ", ".join(f"{'none' if math.isnan(hz) else f'{hz:.3f} Hz'} ({name})" for name, hz in names.items())
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """A claim and what became of it.
+    """A claim of the paper and what became of it.
 
-    published: the paper's numbers. finding: ours in a few words. measured: that and the numbers, means over seeds with 95 %
-    bootstrap intervals where there are two seeds or more. theory: what the linear stander says. rule: how it was judged.
-    comment: where it is not reproduced in full, what theory has to say about that.
+    published: the paper's numbers. finding: the result in a few words. measured: the same with numbers, means over seeds
+    with 95 % bootstrap intervals. theory: what the linear stander shows. rule: how the claim was judged. comment: what
+    theory says about a claim that is not reproduced in full.
     """
 
     key: str
@@ -56,7 +75,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Claim:
-    """What is claimed, and by which rule it will be judged. note: what to know where it is not reproduced in full."""
+    """What the paper claims, and the rule for it. note: what to add where it is not reproduced in full."""
 
     key: str
     experiment: str
@@ -66,85 +85,75 @@ class Claim:
     note: str = ""
 
     def verdict(self, outcome: Outcome, finding: str, measured: str, theory: str, comment: str) -> Verdict:
-        """The verdict; the comment only where there is something to explain."""
-        comment = " ".join(filter(None, [comment, self.note])) if outcome in ("partly", "not") else ""
-        said = (self.published, finding, measured, theory)
-        return Verdict(self.key, self.experiment, self.claim, *said, outcome, self.rule, comment)
+        """The verdict; with a comment only where the claim is not reproduced in full."""
+        comment = " ".join(filter(None, [comment, self.note])) if outcome in (Outcome.PARTLY, Outcome.NOT) else ""
+        texts = (self.published, finding, measured, theory)
+        return Verdict(self.key, self.experiment, self.claim, *texts, outcome, self.rule, comment)
+
+    def not_measured(self, theory: str = "") -> Verdict:
+        """The verdict where there are no results."""
+        return self.verdict(Outcome.NOT_MEASURED, NO_RESULTS, NO_RESULTS, theory, "")
 
 
 def judged(
     claim: Claim,
-    rows: Sequence[Row],
-    by: Sequence[str],
+    results: Sequence[Result],
+    by: Sequence[Variable],
     judge: Judge,
-    *shown: Shown,
-    whole: bool = False,
+    *quantities: Quantity,
+    at_all: bool = False,
     in_theory: Judge | None = None,
-    sources: Sequence[str] = tuple(THEORY),
+    theories: Sequence[Theory] = tuple(THEORY),
 ) -> Verdict:
-    """The verdict on `claim` by `judge`, from `rows` with conditions told apart by the columns `by`.
+    """The verdict of `judge` on `claim` from `results`, whose conditions differ in the variables `by`.
 
-    The columns `shown` are reported: at every condition if `whole`, else at both ends. `sources` are the theories that are
-    asked, by `in_theory` where the question must be put differently to them.
+    The `quantities` are reported, `at_all` conditions or at both ends. `theories` are judged as well: by `in_theory` where
+    the judge of the results does not apply to them.
     """
-    if not rows:
-        return claim.verdict("not measured", NO_RESULTS, NO_RESULTS, "", "")
-    read = _reader(seed_means, rows, by, "")
+    if not results:
+        return claim.not_measured()
+    read = cache(lambda quantity: seed_means(results, by, quantity.measured))
     ours = judge(read)
-    numbers = [_numbers(read(column), by, spec, name, whole) for column, spec, name in shown]
-    said, outcomes = [], {}
-    for source in sources:
-        read = _reader(theory_means, rows, by, f"{source}_")
-        found = (in_theory or judge)(read)
-        if found.outcome != "not measured":
-            outcomes[THEORY[source]] = found.outcome
-            values = [_numbers(read(column), by, spec, name, False) for column, spec, name in shown if read(column)]
-            said.append(f"{THEORY[source]}: {'; '.join([found.finding, *values])}")
-    measured = "; ".join([ours.finding, *numbers, sample(rows, by)])
+    write = listing if at_all else span
+    measured = [f"{quantity.name} {write(read(quantity), by, quantity.spec)}" for quantity in quantities]
+    texts, outcomes = [], {}
+    for theory in theories:
+        judgement, values = _in_theory(theory, results, by, in_theory or judge, quantities)
+        if judgement.outcome is not Outcome.NOT_MEASURED:
+            outcomes[THEORY[theory]] = judgement.outcome
+            texts.append(f"{THEORY[theory]}: {'; '.join([judgement.finding, *values])}")
     comment = _comment(outcomes) or ("" if claim.note else "The linear stander has no value to compare with.")
-    return claim.verdict(ours.outcome, ours.finding, measured, ". ".join(said), comment)
+    numbers = "; ".join([ours.finding, *measured, sample(results, by)])
+    return claim.verdict(ours.outcome, ours.finding, numbers, ". ".join(texts), comment)
 
 
-def _reader(means: Callable[..., Means], rows: Sequence[Row], by: Sequence[str], prefix: str) -> Read:
-    """Reads columns that begin with `prefix`, each once: intervals take their time."""
-    return cache(lambda column: means(rows, by, f"{prefix}{column}"))
-
-
-def _numbers(means: Means, by: Sequence[str], spec: str, name: str, whole: bool) -> str:
-    return f"{name} {listing(means, by, spec) if whole else span(means, by, spec)}"
+def _in_theory(
+    theory: Theory, results: Sequence[Result], by: Sequence[Variable], judge: Judge, quantities: Sequence[Quantity]
+) -> tuple[Judgement, list[str]]:
+    """The judgement on one theory, and its values of `quantities` in words."""
+    read = cache(lambda quantity: theory_means(results, by, quantity.in_theory(theory)))
+    values = [f"{quantity.name} {span(read(quantity), by, quantity.spec)}" for quantity in quantities if read(quantity)]
+    return judge(read), values
 
 
 def _comment(outcomes: Mapping[str, Outcome]) -> str:
-    """What theory says of a claim that our results do not bear out in full; nothing without its values."""
-    shows = [name for name, outcome in outcomes.items() if outcome == "reproduced"]
-    lacks = [f"{name}: {outcome}" for name, outcome in outcomes.items() if outcome != "reproduced"]
+    """What theory says about a claim that the results do not reproduce in full; empty without a value in theory."""
+    shows = [name for name, outcome in outcomes.items() if outcome is Outcome.REPRODUCED]
+    lacks = [f"{name}: {outcome}" for name, outcome in outcomes.items() if outcome is not Outcome.REPRODUCED]
     if shows and lacks:
-        return f"Theory shows it for one optimum ({shows[0]}), not in full for the other ({lacks[0]})."
+        return f"In theory one optimum shows it ({shows[0]}), the other does not in full ({lacks[0]})."
     if shows:
-        return f"Theory shows it ({', '.join(shows)}); why the trained policies do not, or not wholly, was not tested."
-    if lacks:
-        return f"Theory does not show it in full either ({', '.join(lacks)})."
-    return ""
+        return f"Theory shows it ({', '.join(shows)}). Why the trained policies do not, or only in part, was not tested."
+    return f"Theory does not show it in full either ({', '.join(lacks)})." if lacks else ""
 
 
-def predicted(transitions: Transitions) -> str:
-    """Theory's switch frequencies in words."""
-    names = THEORY | {"sinusoid": "least-torque sinusoid"}
-    told = [
-        f"{'none' if math.isnan(transitions[name]) else f'{transitions[name]:.3f} Hz'} ({what})"
-        for name, what in names.items()
-        if name in transitions
-    ]
-    return ", ".join(told)
-
-
-def by_seed(values: Mapping[float, float]) -> str:
-    """Frequencies [Hz] by seed and their mean with its interval; "none" for a seed without one."""
-    text = ", ".join(f"seed {seed:g} {'none' if math.isnan(hz) else f'{hz:.3f}'}" for seed, hz in values.items())
+def by_seed(values: Mapping[int, float]) -> str:
+    """Frequencies [Hz] of each seed, "none" for a seed without one, and their mean with its interval."""
+    text = ", ".join(f"seed {seed} {'none' if math.isnan(hz) else f'{hz:.3f}'}" for seed, hz in values.items())
     return f"{text}; mean {mean_of(list(values.values())).text('.3f')} Hz"
 
 
-def modes_said(modes: Mapping[Condition, str], by: Sequence[str]) -> str:
+def modes_in_words(modes: Mapping[Condition, str], by: Sequence[Variable]) -> str:
     """Modes ("in" or "anti") in words: "in-phase at 0.15 Hz to 0.6 Hz, anti-phase at 0.75 Hz to 1.5 Hz"."""
     parts = []
     for mode, group in groupby(modes.items(), key=lambda item: item[1]):
@@ -153,6 +162,6 @@ def modes_said(modes: Mapping[Condition, str], by: Sequence[str]) -> str:
     return ", ".join(parts)
 
 
-def values_said(values: Mapping[Condition, float], by: Sequence[str], spec: str) -> str:
-    """Published values by condition in words: "1632 at gamma 0, 499 at gamma 5"."""
+def values_in_words(values: Mapping[Condition, float], by: Sequence[Variable], spec: str) -> str:
+    """Published values in words: "1632 at gamma 0, 499 at gamma 5"."""
     return ", ".join(f"{value:{spec}} at {label(by, condition)}" for condition, value in values.items())

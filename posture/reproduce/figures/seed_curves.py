@@ -1,7 +1,4 @@
-"""A column of results against a condition, over several seeds, in the axes it is given.
-
-Rows are flat: a row a seed and condition, `valid` false where the person fell. A fall is marked and never averaged in.
-"""
+"""A quantity against a condition, from the results of several seeds, drawn into given axes; falls are marked."""
 
 from __future__ import annotations
 
@@ -20,17 +17,19 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from posture.analysis.results import Row
+from posture.analysis.results import Result
 from posture.analysis.statistics import bootstrap_mean
 from posture.analysis.trajectory import Array
 from posture.drawing.style import FALL_COLOUR, MODE_COLOUR, STYLE
+from posture.reproduce.claims.seed_means import group_by
+from posture.reproduce.quantities import Getter, Variable
 
-# Larger than in the figures of one evaluation: a page shows these 360 pixels wide on a phone.
+# Larger than in the figures of one evaluation: on a phone they are 360 pixels wide.
 REPORT_STYLE = {**STYLE, "font.size": 11, "axes.titlesize": 11, "legend.fontsize": 10}
 WIDTH = 6.5  # [inch]
 
-SEED_LABEL, BAND_LABEL, FALL_LABEL = "a seed", "95 % interval of the mean", "n/N seeds fell"
-PAPER_LABEL = "paper"  # what the labels of published values begin with
+MEAN_LABEL, SEED_LABEL, BAND_LABEL, FALL_LABEL = "mean of the seeds", "a seed", "95 % interval of the mean", "n/N seeds fell"
+PAPER_LABEL = "paper"  # labels of published values begin with it
 LEAST_LABEL, REWARD_LABEL = "torque-optimal", "optimum of the reward"
 LEAST: Mapping[str, Any] = {"ls": ":", "lw": 1.8, "zorder": 2.5}
 REWARD: Mapping[str, Any] = {"ls": "-.", "lw": 1.3, "zorder": 2.5}
@@ -38,7 +37,7 @@ REWARD: Mapping[str, Any] = {"ls": "-.", "lw": 1.3, "zorder": 2.5}
 
 @contextmanager
 def report_figure(height: float, path: Path | None = None) -> Iterator[Figure]:
-    """A figure `height` inches high in the report's style, written to `path` at the end where there is one."""
+    """A figure `height` inches high in the report's style, written to `path` at the end if there is one."""
     with matplotlib.rc_context(REPORT_STYLE):
         fig = Figure(figsize=(WIDTH, height), layout="constrained")
         FigureCanvasAgg(fig)
@@ -47,77 +46,75 @@ def report_figure(height: float, path: Path | None = None) -> Iterator[Figure]:
             fig.savefig(path)
 
 
-def by_condition(rows: Sequence[Row], x: str, column: str) -> tuple[Array, list[Array]]:
-    """Distinct values of column `x` of all rows, rising, shape (C,), and of each condition the finite values of `column`.
-
-    Falls have no values, and neither has a row without that column.
-    """
-    found: dict[float, list[float]] = {float(at): [] for at in sorted({row[x] for row in rows})}
-    for row in rows:
-        value = float(row.get(column, math.nan))
-        if row["valid"] and math.isfinite(value):
-            found[float(row[x])].append(value)
-    return np.array(list(found)), [np.array(values, dtype=np.float64) for values in found.values()]
+def values_by_condition(results: Sequence[Result], x: Variable, value: Getter) -> tuple[Array, list[Array]]:
+    """Rising values of `x`, shape (C,), and for each the finite values of a quantity over the seeds that did not fall."""
+    groups = group_by(results, (x,))
+    values = [
+        np.array([value(r) for r in group if r.valid and math.isfinite(value(r))], np.float64) for group in groups.values()
+    ]
+    return np.array([condition[0] for condition in groups]), values
 
 
 def draw_seeds(
-    ax: Axes, rows: Sequence[Row], x: str, column: str, *, factor: float = 1.0, label: str = "", **style: Any
+    ax: Axes,
+    results: Sequence[Result],
+    x: Variable,
+    value: Getter,
+    *,
+    factor: float = 1.0,
+    label: str = MEAN_LABEL,
+    **style: Any,
 ) -> None:
-    """The mean over seeds of `factor` x `column` as a line, its bootstrap interval as a band, each seed as an open marker.
+    """Draw `factor` times a quantity: the mean over seeds as a line, its bootstrap interval as a band, seeds as markers.
 
-    The line breaks at a condition without a value. The band is where there are two seeds or more. `style` is that of the
-    line; `color` and `marker` are the seeds', too.
+    The line is interrupted at a condition without a value; the band needs two seeds. `style` is that of the line; the seeds
+    share its `color` and `marker`.
     """
-    at, values = by_condition(rows, x, column)
+    at, values = values_by_condition(results, x, value)
     if not any(map(len, values)):
         return
     style = {"color": "black", "lw": 1.5, **style}
     marker = style.pop("marker", "o")
-    mean, low, high = factor * np.array([bootstrap_mean(found) for found in values]).T
+    mean, low, high = factor * np.array([bootstrap_mean(known) for known in values]).T
     ax.plot(at, mean, label=label, **style)
     if np.isfinite(low).any():
         ax.fill_between(at, low, high, color=style["color"], alpha=0.18, lw=0, label=BAND_LABEL)
-    ax.plot(
-        np.repeat(at, [len(found) for found in values]),
-        factor * np.concatenate(values),
-        marker,
-        ms=4.5,
-        mfc="none",
-        mew=0.8,
-        color=style["color"],
-        label=SEED_LABEL,
-    )
+    seeds_at = np.repeat(at, [len(known) for known in values])
+    open_marker = {"ms": 4.5, "mfc": "none", "mew": 0.8, "color": style["color"]}
+    ax.plot(seeds_at, factor * np.concatenate(values), marker, label=SEED_LABEL, **open_marker)
 
 
 def draw_theory(
-    ax: Axes, rows: Sequence[Row], x: str, column: str, *, factor: float = 1.0, absolute: bool = False, **style: Any
+    ax: Axes, results: Sequence[Result], x: Variable, value: Getter | None, *, factor: float = 1.0, **style: Any
 ) -> None:
-    """A column of the theory beside the results, the same for all seeds, as a line; nothing where the rows have none."""
-    known = [(float(row[x]), float(row.get(column, math.nan))) for row in rows]
-    found = dict(pair for pair in sorted(known) if math.isfinite(pair[1]))
-    if found:
-        at, values = np.array(list(found.items())).T
-        style = {"color": "black", "label": LEAST_LABEL, **LEAST, **style}
-        ax.plot(at, factor * (np.abs(values) if absolute else values), **style)
+    """Draw a quantity in theory, the same for all seeds, as a line; nothing if it has no value."""
+    pairs = sorted((x.value(result), value(result)) for result in results) if value else []
+    known = {at: number for at, number in pairs if math.isfinite(number)}
+    if known:
+        ax.plot(
+            list(known),
+            factor * np.array(list(known.values())),
+            **{"color": "black", "label": LEAST_LABEL, **LEAST, **style},
+        )
 
 
-def mark_falls(ax: Axes, rows: Sequence[Row], x: str, *, level: int = 0, colour: str = FALL_COLOUR) -> None:
-    """A line where a seed fell (or its simulation did not hold), a cross above it, and "fallen/seeds" beside that.
+def mark_falls(ax: Axes, results: Sequence[Result], x: Variable, *, level: int = 0, colour: str = FALL_COLOUR) -> None:
+    """Mark a condition in which a seed has no valid result with a line, and above it a cross and "fallen/seeds".
 
-    The text stands `level` lines further up, where there are several groups of rows in one panel.
+    The text stands `level` lines higher, for several groups of results in one panel.
     """
-    for at, group in groupby(sorted(rows, key=lambda row: float(row[x])), key=lambda row: float(row[x])):
-        stood = [bool(row["valid"]) for row in group]
-        if all(stood):
+    for (at,), group in group_by(results, (x,)).items():
+        invalid = sum(not result.valid for result in group)
+        if not invalid:
             continue
         ax.axvline(at, color=colour, ls=":", lw=0.8, zorder=0.5, label=FALL_LABEL)
-        text, offset = f"\N{BALLOT X} {stood.count(False)}/{len(stood)}", (0, 2 + 12 * level)
+        text, offset = f"\N{BALLOT X} {invalid}/{len(group)}", (0, 2 + 12 * level)
         place = {"xycoords": ax.get_xaxis_transform(), "xytext": offset, "textcoords": "offset points", "ha": "center"}
         ax.annotate(text, (at, 1), color=colour, fontsize=9, va="bottom", **place)
 
 
 def shade_modes(ax: Axes, at: Sequence[float], modes: Sequence[str]) -> None:
-    """Shade where the paper shows each mode ("in", "anti") along rising `at`, and hatch the brackets of its switches."""
+    """Shade where the paper reports each mode ("in", "anti") along `at`, and hatch the gaps in which it switches."""
     runs: list[tuple[str, float, float]] = []
     for mode, group in groupby(sorted(zip(at, modes, strict=True)), key=lambda pair: pair[1]):
         values = [value for value, _ in group]
@@ -127,12 +124,6 @@ def shade_modes(ax: Axes, at: Sequence[float], modes: Sequence[str]) -> None:
     for (_, _, low), (_, high, _) in pairwise(runs):
         span = {"facecolor": "none", "edgecolor": "#BBBBBB", "hatch": "///", "lw": 0, "zorder": 0}
         ax.axvspan(low, high, label="paper: switch between", **span)
-
-
-def published(paper: Mapping[str, Any], table: str, *columns: str) -> list[Any] | None:
-    """Columns of a table of conf/paper.yaml; None where one is missing."""
-    found = paper.get(table, {})
-    return [found[column] for column in columns] if set(columns) <= set(found) else None
 
 
 def correlation_axis(ax: Axes) -> None:
@@ -147,8 +138,7 @@ def phase_axis(ax: Axes) -> None:
 
 
 def legend(fig: Figure, axes: Sequence[Axes], columns: int) -> None:
-    """One legend above all panels, a label once: first what each panel shows, then in neutral colours what holds for every
-    line, then the paper."""
+    """One legend above all panels, with each label once: what each panel shows, what holds for every line, the paper."""
     entries: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):

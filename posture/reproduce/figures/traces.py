@@ -1,4 +1,4 @@
-"""The paper's figures over time and of the body, redrawn from trajectories of one seed: each fills the figure it is given.
+"""The paper's figures over time and of the body, redrawn from trajectories of one seed: each function fills a given figure.
 
 Angles follow the joint axes: hip flexion is negative, and the ankle is negative when the body leans forward.
 """
@@ -6,7 +6,7 @@ Angles follow the joint axes: hip flexion is negative, and the ankle is negative
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,19 +15,26 @@ from matplotlib.figure import Figure
 from posture.analysis.coordination import correlation
 from posture.analysis.figures import SHOWN_CYCLES
 from posture.analysis.ramp import ramp_frequency, window_correlation
-from posture.analysis.results import Row
-from posture.analysis.trajectory import Trajectory
+from posture.analysis.results import Result
+from posture.analysis.trajectory import Array, Trajectory
+from posture.config.published import Experiment4a
 from posture.drawing.silhouette import draw_phases
 from posture.drawing.style import ANKLE_COLOUR, BLUE, FALL_COLOUR, GREY, HEAD_COLOUR, HIP_COLOUR, ORANGE, RED
-from posture.reproduce.figures.seed_curves import correlation_axis, legend, published
+from posture.reproduce.claims.ramp import WINDOWS
+from posture.reproduce.claims.verdict import Transitions
+from posture.reproduce.figures.seed_curves import correlation_axis, legend
 
 MODE_TEXT = "hip-ankle correlation {:.2f}"
-BODIES = 5  # of a cycle: its four quarters, and its end
-BODY_SPACING = 0.56  # [m] between two of them
+BODIES = 5  # in a cycle: its four quarters and its end
+BODY_SPACING = 0.56  # [m] between two bodies
+
+
+Signal = tuple[Callable[[Trajectory], Array], dict[str, Any]]
+"""A signal (T, W) of a trajectory, and its line style."""
 
 
 class World(NamedTuple):
-    """A world of a trajectory, and what a panel is headed with."""
+    """A world of a trajectory, and the title of its panel."""
 
     trajectory: Trajectory
     number: int
@@ -35,16 +42,16 @@ class World(NamedTuple):
 
 
 def shown_worlds(trajectory: Trajectory, wanted: Sequence[float]) -> list[World]:
-    """The worlds whose frequencies come nearest to those `wanted` [Hz], each once, along rising frequency."""
+    """The worlds with the frequencies closest to those `wanted` [Hz], each once, along rising frequency."""
     nearest = {int(np.nanargmin(np.abs(trajectory.freq - freq))) for freq in wanted}
     order = sorted(nearest, key=lambda w: trajectory.freq[w])
     return [World(trajectory, w, f"{trajectory.freq[w]:g} Hz") for w in order]
 
 
 def bodies(fig: Figure, trajectory: Trajectory, target_height: float, wanted: Sequence[float]) -> None:
-    """Fig. 2: the body at five instants of the last cycle, at the frequencies `wanted` [Hz], a panel each.
+    """Fig. 2: the body at five instants of the last cycle before the end or a fall; a panel for each frequency.
 
-    `target_height` [m]. A world that fell shows the last cycle before it.
+    `target_height` [m], frequencies `wanted` [Hz].
     """
     worlds = shown_worlds(trajectory, wanted)
     for ax, world in zip(fig.subplots(len(worlds), 1, squeeze=False)[:, 0], worlds, strict=True):
@@ -58,13 +65,13 @@ def bodies(fig: Figure, trajectory: Trajectory, target_height: float, wanted: Se
             ax.annotate(label, (place, -0.05), xytext=(0, -3), textcoords="offset points", ha="center", va="top")
         whole = slice(0, last_cycles(trajectory, w).stop)
         r = correlation(trajectory.hip[whole, w], trajectory.ankle[whole, w])
-        ax.set_title(f"{title}: {MODE_TEXT.format(r)}{_fate(world)}", pad=2)
+        ax.set_title(f"{title}: {MODE_TEXT.format(r)}{_fall(world)}", pad=2)
 
 
 def cycle_steps(trajectory: Trajectory, w: int) -> list[int]:
-    """Steps of the BODIES instants, evenly spaced, of the last whole cycle of the target before the end or the fall.
+    """Steps of BODIES instants, evenly spaced, of the last whole cycle of the target before the end or a fall.
 
-    Where there is none, the cycle is cut to what there is.
+    If there is no whole cycle, they end there.
     """
     end = int(trajectory.fall_step[w])
     end = end if end >= 0 else len(trajectory.time) - 1
@@ -75,8 +82,8 @@ def cycle_steps(trajectory: Trajectory, w: int) -> list[int]:
 
 
 def head_target(fig: Figure, worlds: Sequence[World]) -> None:
-    """Fig. 3: head and target position [m] over the last cycles [s], a panel a world."""
-    signals = {
+    """Fig. 3: head and target position [m] over the last cycles [s], a panel for each world."""
+    signals: dict[str, Signal] = {
         "target": (lambda trial: trial.target_x, {"color": ORANGE, "lw": 3.0}),
         "head": (lambda trial: trial.head_x, {"color": HEAD_COLOUR, "lw": 1.3}),
     }
@@ -84,8 +91,8 @@ def head_target(fig: Figure, worlds: Sequence[World]) -> None:
 
 
 def joint_angles(fig: Figure, worlds: Sequence[World]) -> None:
-    """Fig. 4, and with the ends of the load Fig. 11: hip and ankle angle [deg] over the last cycles [s], a panel a world."""
-    signals = {
+    """Fig. 4, and Fig. 11 with the loads: hip and ankle angle [deg] over the last cycles [s], a panel for each world."""
+    signals: dict[str, Signal] = {
         "hip (flexion negative)": (lambda trial: np.degrees(trial.hip), {"color": HIP_COLOUR, "lw": 1.8}),
         "ankle (forward lean negative)": (
             lambda trial: np.degrees(trial.ankle),
@@ -98,20 +105,19 @@ def joint_angles(fig: Figure, worlds: Sequence[World]) -> None:
 def ramp(
     fig: Figure,
     trajectory: Trajectory,
-    rows: Sequence[Row],
-    paper: Mapping[str, Any],
-    transitions: Mapping[str, float],
+    results: Sequence[Result],
+    published: Experiment4a,
+    transitions: Transitions,
     start: float,
     still_rad: float,
 ) -> None:
     """Fig. 10 (Exp. 4a): hip and ankle angle [deg] and their running correlation against the momentary frequency [Hz].
 
-    The angles and the two lines are those of the one seed of `trajectory`; the marks on the zero line are the transitions of
-    every seed, `rows`, beside the paper's and the span of those by theory, `transitions` [Hz]. The ramp begins at `start`
-    [Hz]; a joint that moves less than `still_rad` [rad] in the window has no correlation.
+    The lines are those of one seed, `trajectory`; the marks on the zero line are the transitions of every seed, `results`,
+    beside that of the paper and the span of those in theory. The ramp begins at `start` [Hz]; a joint that moves less than
+    `still_rad` [rad] in a window has no correlation.
     """
-    told = paper["experiment_4a"]
-    rate, duration, window = told["rate_hz_per_s"], told["duration_s"], int(told["window_steps"])
+    rate, duration = published.rate_hz_per_s, published.duration_s
     upper, lower = axes = fig.subplots(2, 1, sharex=True)
     end = int(trajectory.fall_step[0])
     shown = (trajectory.time <= duration) & (np.arange(len(trajectory.time)) <= (end if end >= 0 else np.inf))
@@ -121,55 +127,48 @@ def ramp(
     upper.plot(freq, np.degrees(ankle), color=ANKLE_COLOUR, ls="--", label="ankle angle")
     upper.set_ylabel("angle [deg]")
     top = upper.secondary_xaxis("top", functions=(lambda f: (f - start) / rate, lambda t: start + rate * t))
-    top.set_xlabel(f"time [s]{_fate(World(trajectory, 0, ''))}")
-    for name, colour, marker in (("centred", BLUE, "o"), ("trailing", ORANGE, "s")):
-        r = window_correlation(hip, ankle, window, centred=name == "centred", still_rad=still_rad)
+    top.set_xlabel(f"time [s]{_fall(World(trajectory, 0, ''))}")
+    for (name, read), colour, marker in zip(WINDOWS.items(), (BLUE, ORANGE), "os", strict=True):
+        r = window_correlation(hip, ankle, published.window_steps, centred=name == "centred", still_rad=still_rad)
         lower.plot(freq, r, color=colour, label=f"correlation, {name} window")
-        at = np.array([row.get(f"transition_{name}_hz", math.nan) for row in rows if row["valid"]], dtype=np.float64)
+        at = np.array([read(result.ramp)[0] for result in results if result.valid], dtype=np.float64)
         style = {"ms": 8, "mfc": "none", "mew": 1.5, "color": colour, "zorder": 4}
         if np.isfinite(at).any():
             lower.plot(at, np.zeros(len(at)), marker, **style, label=f"zero of a seed, {name}")
     correlation_axis(lower)
-    theory = [value for value in transitions.values() if math.isfinite(value)]
+    theory = [hz for hz in (transitions.least, transitions.reward, transitions.sinusoid) if math.isfinite(hz)]
     for ax in axes:
-        ax.axvline(told["transition_hz"], color=RED, lw=1.5, ls="--", label=f"paper: {told['transition_hz']:g} Hz")
+        ax.axvline(published.transition_hz, color=RED, lw=1.5, ls="--", label=f"paper: {published.transition_hz:g} Hz")
         if theory:
-            span = f"{min(theory):.2f}-{max(theory):.2f}"
-            ax.axvspan(min(theory), max(theory), color=GREY, alpha=0.35, lw=0, label=f"theory: {span} Hz", zorder=0)
+            label = f"theory: {min(theory):.2f}-{max(theory):.2f} Hz"
+            ax.axvspan(min(theory), max(theory), color=GREY, alpha=0.35, lw=0, label=label, zorder=0)
     lower.set(xlabel="momentary target frequency [Hz]", xlim=(start, start + rate * duration))
     legend(fig, axes, 2)
 
 
-def load_worlds(traces: Mapping[str, Trajectory]) -> list[World]:
-    """The first worlds of the least and the largest load among the traces load_<kg>; none where there are not two."""
-    found = {float(name.removeprefix("load_")): trial for name, trial in traces.items() if name.startswith("load_")}
-    ends = (min(found), max(found)) if len(found) > 1 else ()
-    return [World(found[load], 0, f"load {load:g} kg, {found[load].freq[0]:g} Hz") for load in ends]
+def load_worlds(by_load: Mapping[float, Trajectory]) -> list[World]:
+    """The first world at the smallest and at the largest load [kg]; none if there are not two."""
+    ends = (min(by_load), max(by_load)) if len(by_load) > 1 else ()
+    return [World(by_load[load], 0, f"load {load:g} kg, {by_load[load].freq[0]:g} Hz") for load in ends]
 
 
-def target_height(paper: Mapping[str, Any]) -> float | None:
-    """Height of the target [m], paper Table 1; None where it is not told."""
-    found = published(paper, "table_1", "target_height_m")
-    return None if found is None else float(found[0])
+def _over_time(fig: Figure, worlds: Sequence[World], signals: Mapping[str, Signal], label: str, title_text: str) -> None:
+    """Two signals over the last cycles, a panel for each world, with one y axis that a fall does not widen.
 
-
-def _over_time(fig: Figure, worlds: Sequence[World], signals: Mapping[str, Any], label: str, index: str) -> None:
-    """Two signals, of a trajectory its (T, W), with their line styles over the last cycles, a panel a world, one y axis.
-
-    Each panel is headed with the correlation of the two, as `index` words it. A fall does not widen the y axis.
+    Each panel's title has the correlation of the two, in the format `title_text`.
     """
     axes = fig.subplots(len(worlds), 1, sharey=True, squeeze=False)[:, 0]
     held = []
     for ax, world in zip(axes, worlds, strict=True):
         trial, w, title = world
-        steps, fate = last_cycles(trial, w), _fate(world)
+        steps, fall = last_cycles(trial, w), _fall(world)
         for name, (signal, style) in signals.items():
             ax.plot(trial.time[steps], signal(trial)[steps, w], label=name, **style)
-            held += [] if fate else [signal(trial)[steps, w]]
+            held += [] if fall else [signal(trial)[steps, w]]
         ax.margins(x=0)
         whole = slice(0, steps.stop)
         r = correlation(*(signal(trial)[whole, w] for signal, _ in signals.values()))
-        ax.set_title(f"{title}: {index.format(r)}{fate}", color=FALL_COLOUR if fate else "black")
+        ax.set_title(f"{title}: {title_text.format(r)}{fall}", color=FALL_COLOUR if fall else "black")
     if held:
         low, high = min(map(np.min, held)), max(map(np.max, held))
         axes[0].set_ylim(low - 0.07 * (high - low), high + 0.07 * (high - low))
@@ -179,12 +178,12 @@ def _over_time(fig: Figure, worlds: Sequence[World], signals: Mapping[str, Any],
 
 
 def last_cycles(trajectory: Trajectory, w: int) -> slice:
-    """Steps of the last SHOWN_CYCLES of world `w` before the trial's end or the fall."""
-    fall = int(trajectory.fall_step[w])
-    end = fall + 1 if fall >= 0 else len(trajectory.time)
+    """Steps of the last SHOWN_CYCLES of world `w` before the trial's end or a fall."""
+    fall_step = int(trajectory.fall_step[w])
+    end = fall_step + 1 if fall_step >= 0 else len(trajectory.time)
     return slice(max(end - round(SHOWN_CYCLES / (float(trajectory.freq[w]) * trajectory.control_dt)), 0), end)
 
 
-def _fate(world: World) -> str:
+def _fall(world: World) -> str:
     trial, w, _ = world
     return f", fell at {trial.time[trial.fall_step[w]]:.1f} s" if trial.fall_step[w] >= 0 else ""

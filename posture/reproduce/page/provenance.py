@@ -1,103 +1,86 @@
-"""Where the results of a report come from: which trainings, what they took, by which code and versions.
-
-Results of different code or versions may stand on one page, but never unsaid: `mixed` says so.
-"""
+"""Where the results of a report come from: which trainings, how long they took, and with which code and versions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
-from pathlib import Path
 from typing import Any
 
-from posture.cli.jobs import Job
-from posture.cli.sweep import fraction_done
-from posture.config.train import TrainConfig
-from posture.learning.resume import training_seconds
-from posture.reproduce.page.page import Block, Commands, Table, Text
-from posture.reproduce.page.text import LEFT_OUT, MADE, MIXED
-from posture.storage import yaml_files
+from posture.reproduce.page.page import Table
+from posture.reproduce.page.text import HOW_IT_WAS_MADE, LEFT_OUT, MIXED
+from posture.reproduce.reproduction import Training
+
+FEW = 3
+"""Trainings that differ from the others are named up to this many."""
 
 
-def mixed(jobs: Sequence[Job]) -> str:
-    """In one sentence, in what the code and versions of the trainings differ that are done; empty where they do not."""
-    by_run = {job.folder: _starts(job) for job in jobs if fraction_done(job) >= 1}
-    differing = []
-    if len(codes := _runs_by(by_run, _code)) > 1:
-        differing.append(f"code of the task, the physics and the learner: {_told(codes)}")
-    for name in sorted({name for starts in by_run.values() for start in starts for name in start["versions"]}):
-        if len(found := _runs_by(by_run, _version_of(name))) > 1:
-            differing.append(f"{name}: {_told(found)}")
-    return MIXED.format(what="; ".join(differing)).strip() if differing else ""
+def warnings(trainings: Sequence[Training], left_out: Sequence[str]) -> list[str]:
+    """What the reader must know first: trainings that differ in code or versions, and results that were left out."""
+    texts = []
+    if differences := _differences([training for training in trainings if training.done]):
+        texts.append(MIXED.format(what="; ".join(differences)))
+    if left_out:
+        texts.append(LEFT_OUT.format(count=len(left_out), names=", ".join(f"`{name}`" for name in left_out)))
+    return texts
 
 
-def left_out(names: Sequence[str]) -> str:
-    """In one sentence, which results were there and are not on the page; empty where there are none."""
-    return LEFT_OUT.format(count=len(names), names=", ".join(names)).strip() if names else ""
-
-
-def made(jobs: Sequence[Job], commands: Sequence[str]) -> list[Block]:
-    """Which trainings there are, what they took, by which code and versions; and the commands."""
-    lines, starts = [], []
-    for experiment, group in groupby(jobs, key=lambda job: job.folder.parent.name):
+def training_table(trainings: Sequence[Training]) -> Table:
+    """How many trainings of each experiment are done, and how long they took."""
+    rows = []
+    for experiment, group in groupby(trainings, key=lambda training: training.experiment):
         own = list(group)
-        done = [job for job in own if fraction_done(job) >= 1]
-        hours = sum(training_seconds(job.folder) for job in done) / 3600
-        seeds = sorted({job.config.seed for job in done if isinstance(job.config, TrainConfig)})
-        lines.append([experiment, f"{len(done)} of {len(own)}", ", ".join(map(str, seeds)) or "-", f"{hours:.1f}"])
-        starts += [start for job in done for start in _starts(job)]
-    about = {
-        "platforms": {start["platform"] for start in starts},
-        "pythons": {start["python"] for start in starts},
-        "versions": {f"{name} {version}" for start in starts for name, version in start["versions"].items()},
-        "codes": {f"`{_code(start)}`" for start in starts},
-        "commits": {f"`{start['git_commit']}`" for start in starts},
-    }
+        done = [training for training in own if training.done]
+        seeds = ", ".join(map(str, sorted({training.seed for training in done}))) or "-"
+        hours = sum(training.seconds for training in done) / 3600
+        rows.append([experiment, f"{len(done)} of {len(own)}", seeds, f"{hours:.1f}"])
+    caption = "Trainings, and the sum of their hours; several ran at the same time, beside other work"
+    return Table(["trainings", "done", "seeds", "hours"], rows, caption, "lrrr")
+
+
+def how_it_was_made(trainings: Sequence[Training], commands: Sequence[str]) -> str:
+    """When, where and with which code and versions the trainings were made, and the commands that repeat everything."""
+    starts = [start for training in trainings if training.done for start in training.starts]
     days = sorted(start["started"][:10] for start in starts)
-    told = {name: ", ".join(sorted(found)) for name, found in about.items()}
-    return [
-        Table(
-            ["trainings", "done", "seeds", "hours"],
-            lines,
-            "Trainings; the hours of all jobs together, several of which ran at once and beside other work",
-            "lrrr",
-        ),
-        Text(MADE.format(first=days[0], last=days[-1], **told)),
-        Commands(commands),
-        Text("How to cite this software and the paper: CITATION.cff."),
-    ]
+
+    def listed(values: set[str]) -> str:
+        return ", ".join(sorted(values))
+
+    return HOW_IT_WAS_MADE.format(
+        first=days[0],
+        last=days[-1],
+        platforms=listed({start["platform"] for start in starts}),
+        pythons=listed({start["python"] for start in starts}),
+        versions=listed({f"{name} {version}" for start in starts for name, version in start["versions"].items()}),
+        codes=listed({f"`{_code(start)}`" for start in starts}),
+        commits=listed({f"`{start['git_commit']}`" for start in starts}),
+        commands="\n".join(commands),
+    )
 
 
-def _starts(job: Job) -> list[dict[str, Any]]:
-    """What a training's folder says of each of its starts: it may have been resumed."""
-    return yaml_files.read_yaml(job.folder / "provenance.yaml") or []
-
-
-def _code(start: dict[str, Any]) -> str:
-    """Digest of the code of a training; trainings of earlier versions have that of the package `envs` alone."""
+def _code(start: Mapping[str, Any]) -> str:
+    """Digest of a training's code; trainings of earlier versions have that of the package `envs` only."""
     return str(start.get("training_code") or start["envs_version"])
 
 
-def _version_of(package: str) -> Callable[[dict[str, Any]], object]:
-    return lambda start: start["versions"].get(package, "none")
+def _differences(trainings: Sequence[Training]) -> list[str]:
+    """In what the starts of the trainings differ: code, versions of the libraries."""
+    names: dict[str, dict[str, list[str]]] = {}
+    packages = sorted({name for training in trainings for start in training.starts for name in start["versions"]})
+    for training in trainings:
+        for start in training.starts:
+            values = {"code of the task, the physics and the learner": _code(start)}
+            values |= {name: start["versions"].get(name, "none") for name in packages}
+            for what, value in values.items():
+                same = names.setdefault(what, {}).setdefault(str(value), [])
+                if training.name not in same:  # it may have been resumed
+                    same.append(training.name)
+    return [f"{what}: {_counts(found)}" for what, found in names.items() if len(found) > 1]
 
 
-def _runs_by(
-    by_run: Mapping[Path, Sequence[dict[str, Any]]], key: Callable[[dict[str, Any]], object]
-) -> dict[str, list[str]]:
-    """Names of runs by what `key` reads in their starts; a run that was resumed may have several."""
-    found: dict[str, list[str]] = {}
-    for folder, starts in by_run.items():
-        for value in sorted({str(key(start)) for start in starts}):
-            found.setdefault(value, []).append(folder.name)
-    return found
-
-
-def _told(found: Mapping[str, Sequence[str]]) -> str:
-    """`1.8.0 in 26 trainings, 1.9.0 in 1 (seed-1_0123abcd)`: of what few have, which."""
-    few = 3
+def _counts(found: dict[str, list[str]]) -> str:
+    """As "`1.8.0` in 26 trainings, `1.9.0` in 1 training (seed-1_0123abcd)"; a few trainings are named."""
     parts = []
-    for value, runs in sorted(found.items(), key=lambda item: -len(item[1])):
-        named = f" ({', '.join(runs)})" if len(runs) <= few else ""
-        parts.append(f"`{value}` in {len(runs)} trainings{named}")
+    for value, names in sorted(found.items(), key=lambda item: -len(item[1])):
+        named = f" ({', '.join(names)})" if len(names) <= FEW else ""
+        parts.append(f"`{value}` in {len(names)} training{'s' * (len(names) != 1)}{named}")
     return ", ".join(parts)

@@ -1,251 +1,242 @@
-"""The tables of the report: ours beside the published. Rows of results in, `page.Table` out.
+"""The tables of the report, with the published numbers beside ours.
 
-A number over seeds is their mean, with its 95 % bootstrap interval where there are two or more; falls are left out of it
-and counted.
+Over several seeds a cell shows their mean, with its 95 % bootstrap interval for two or more. Falls are not averaged.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
-import mujoco
-import numpy as np
-
-from envs.config import EnvConfig
-from envs.engines.mujoco_c import build
-from posture.analysis.results import Row
+from posture.analysis.results import Result
+from posture.config.published import Experiment3, Experiment4a, Experiment4b, Published, Table2, Table3, Table4
 from posture.config.train import TrainConfig
 from posture.reproduce.claims.frequency import switches
-from posture.reproduce.claims.rules import shown_mode
-from posture.reproduce.claims.seed_means import mean_of, seed_means, theory_means, where
+from posture.reproduce.claims.ramp import WINDOWS
+from posture.reproduce.claims.rules import mode_of
+from posture.reproduce.claims.seed_means import group_by, mean_of, plural, seed_means, theory_means, where
 from posture.reproduce.claims.targets import Target
 from posture.reproduce.claims.verdict import Verdict
 from posture.reproduce.page.page import Table
-from posture.reproduce.page.page import Verdict as Word
+from posture.reproduce.quantities import (
+    COST_RATIO,
+    ENERGY,
+    ENERGY_WEIGHT,
+    FREQ,
+    HEAD_AMPLITUDE,
+    HEAD_SPEED,
+    HIP_ANKLE_R,
+    HIP_K,
+    HIP_RANGE,
+    LOAD,
+    RELATIVE_PHASE,
+    TARGET_HEAD_R,
+    Getter,
+    Variable,
+)
+from posture.reproduce.reproduction import Body
 
+Results = Sequence[Result]
 ENGINES = {"sagittal": "planar", "mujoco": "SolverMuJoCo", "mujoco_c": "MuJoCo C"}
-"""Engines by what the report calls them: the first is that in which policies learned."""
-FREQ_DIGITS = 6
+"""Names of the engines in the report; the first is the one that policies are trained in."""
 
 
-def verdict_table(found: Sequence[Verdict]) -> Table:
+def verdict_table(verdicts: Sequence[Verdict]) -> Table:
     """Each claim of the paper with its verdict, what is published and what was found."""
-    rows = [[f"{v.experiment}: {v.claim}", Word(word(v.verdict)), v.published, v.finding] for v in found]
-    return Table(
-        ["the paper's claim", "verdict", "published", "found"], rows, "Claims of the paper, and what became of them"
-    )
+    rows = [[f"{v.experiment}: {v.claim}", v.verdict, v.published, v.finding] for v in verdicts]
+    return Table(["the paper's claim", "verdict", "published", "found"], rows, "The paper's claims and our verdicts")
 
 
-def target_table(found: Sequence[Target]) -> Table:
-    """What a well-trained reproduction was asked for beforehand, and whether it was met."""
-    word = {True: "met", False: "**missed**", None: "not measured"}
-    rows = [[t.name, word[t.met], t.required, t.measured] for t in found]
-    return Table(["target", "", "required", "measured"], rows, "Targets, and what came out")
+def target_table(targets: Sequence[Target]) -> Table:
+    """What a well-trained reproduction should reach, and whether it does."""
+    met = {True: "met", False: "**missed**", None: "not measured"}
+    rows = [[t.name, met[t.met], t.required, t.measured] for t in targets]
+    return Table(["target", "", "required", "measured"], rows, "Targets of the training, and whether they are met")
 
 
-def body_table(env: EnvConfig, paper: Mapping[str, Any]) -> Table:
-    """Table 1: the body as simulated, read from the model."""
-    model, data = build(env)
-    mujoco.mj_forward(model, data)
-    published = paper["table_1"]
-    com = data.subtree_com[model.body("hat").id]
-    head = data.geom("head").xpos[2] + model.geom("head").size[0]
-    ranges = {name: np.degrees(model.joint(f"{name}_left").range) for name in ("hip", "ankle")}
+def body_table(body: Body, torque_limit: float, paper: Published) -> Table:
+    """Table 1: the body as simulated; `torque_limit` [Nm] of a joint."""
+    published = paper.table_1
     rows = [
-        ["mass [kg]", f"{model.body_mass.sum():.2f}", f"{published['mass_kg']:g}"],
-        ["height [m]", f"{head:.2f}", f"{published['height_m']:g}"],
-        ["centre of mass at rest [m]", ", ".join(f"{x + 0.0:.3f}" for x in com), ", ".join(map(str, published["com_m"]))],
-        *(
-            [f"{name} range [deg]", f"{low:.0f} .. {high:.0f}", "{} .. {}".format(*published[f"{name}_range_deg"])]
-            for name, (low, high) in ranges.items()
-        ),
-        ["torque limit a joint [Nm]", f"{env.torque_limit:g}", f"{published['torque_limit_nm']:g}"],
+        ["mass [kg]", f"{body.mass:.2f}", f"{published.mass_kg:g}"],
+        ["height [m]", f"{body.height:.2f}", f"{published.height_m:g}"],
+        ["centre of mass at rest [m]", ", ".join(f"{x + 0.0:.3f}" for x in body.com), ", ".join(map(str, published.com_m))],
+        ["hip range [deg]", "{:.0f} .. {:.0f}".format(*body.hip_range), "{:g} .. {:g}".format(*published.hip_range_deg)],
+        [
+            "ankle range [deg]",
+            "{:.0f} .. {:.0f}".format(*body.ankle_range),
+            "{:g} .. {:g}".format(*published.ankle_range_deg),
+        ],
+        ["torque limit of a joint [Nm]", f"{torque_limit:g}", f"{published.torque_limit_nm:g}"],
     ]
     return Table(["", "ours", "paper"], rows, "Table 1: the body", "lrr")
 
 
-def learning_table(run: TrainConfig, paper: Mapping[str, Any]) -> Table:
-    """Table 2: how it was learned in Exp. 1."""
-    agent, published = run.agent, paper["table_2"]
+def learning_table(run: TrainConfig, published: Table2) -> Table:
+    """Table 2: how the policies of Exp. 1 were trained."""
+    agent, algorithm = run.agent, run.agent.algorithm
     samples = run.env.num_envs * agent.num_steps_per_env
     rows = [
-        ["environments", f"{run.env.num_envs}", f"{published['environments']}"],
-        ["horizon [control steps]", f"{agent.num_steps_per_env}", f"{published['horizon']}"],
-        ["mini-batch [samples]", f"{samples // agent.algorithm.num_mini_batches}", f"{published['mini_batch_size']}"],
-        ["epochs", f"{agent.algorithm.num_learning_epochs}", f"{published['epochs']}"],
-        ["KL threshold", f"{agent.algorithm.desired_kl:g}", f"{published['kl_threshold']:g}"],
-        ["hidden layers", str(list(agent.actor.hidden_dims)), str(published["hidden"])],
-        ["training steps", f"{samples * run.max_iterations:,} samples", f"{published['training_steps']:,}"],
+        ["environments", f"{run.env.num_envs}", f"{published.environments}"],
+        ["horizon [control steps]", f"{agent.num_steps_per_env}", f"{published.horizon}"],
+        ["mini-batch [samples]", f"{samples // algorithm.num_mini_batches}", f"{published.mini_batch_size}"],
+        ["epochs", f"{algorithm.num_learning_epochs}", f"{published.epochs}"],
+        ["KL threshold", f"{algorithm.desired_kl:g}", f"{published.kl_threshold:g}"],
+        ["hidden layers", str(list(agent.actor.hidden_dims)), str(list(published.hidden))],
+        ["training steps", f"{samples * run.max_iterations:,} samples", f"{published.training_steps:,}"],
     ]
     return Table(["", "ours", "paper"], rows, "Table 2: PPO", "lrr")
 
 
-def tracking_table(rows: Sequence[Row], paper: Mapping[str, Any]) -> Table:
+def tracking_table(results: Results, published: Table3) -> Table:
     """Table 3: Exp. 1 at the paper's ten frequencies."""
-    published = paper["table_3"]
-    columns = (("target_head_r", 4), ("head_amplitude_m", 4), ("head_speed_mps", 3))
-    lines = []
-    for i, freq in enumerate(published["freq_hz"]):
-        own = where(rows, "freq_hz", [freq])
-        cells = ((_mean(own, column, digits), f"{published[column][i]:.{digits}f}") for column, digits in columns)
-        lines.append([f"{freq:.2f}", *(cell for pair in cells for cell in pair)])
+    columns = (
+        (TARGET_HEAD_R, 4, published.target_head_r),
+        (HEAD_AMPLITUDE, 4, published.head_amplitude_m),
+        (HEAD_SPEED, 3, published.head_speed_mps),
+    )
+    rows = []
+    for i, freq in enumerate(published.freq_hz):
+        own = where(results, FREQ, [freq])
+        pairs = ((_mean(own, quantity.measured, digits), f"{theirs[i]:.{digits}f}") for quantity, digits, theirs in columns)
+        rows.append([f"{freq:.2f}", *(cell for pair in pairs for cell in pair)])
     headings = ["f [Hz]", "target-head r", "paper", "amplitude [m]", "paper", "speed [m/s]", "paper"]
-    return Table(headings, lines, f"Table 3: Exp. 1, {_seeds(rows)}", "r" * len(headings))
+    return Table(headings, rows, f"Table 3: Exp. 1, {_seeds(results)}", "r" * len(headings))
 
 
-def mode_table(rows: Sequence[Row], paper: Mapping[str, Any]) -> Table:
+def mode_table(results: Results, published: Table3) -> Table:
     """The modes of Table 3, and coordination at every frequency that was evaluated."""
-    published = paper["table_3"]
-    theirs = dict(zip(published["freq_hz"], published["mode"], strict=True))
-    freqs = sorted({row["freq_hz"] for row in rows})
-    lines = [
-        [f"{f:g}", *_coordination(where(rows, "freq_hz", [f])), f"{theirs[f]}-phase" if f in theirs else "-"] for f in freqs
-    ]
-    headings = ["f [Hz]", *_COORDINATION, "paper"]
-    return Table(headings, lines, f"Coordination in Exp. 1, {_seeds(rows)}", "r" * len(headings))
+    modes = dict(zip(published.freq_hz, published.mode, strict=True))
+    return _coordination_table(results, FREQ, "f [Hz]", modes, "Coordination in Exp. 1")
 
 
-def energy_table(rows: Sequence[Row], paper: Mapping[str, Any]) -> Table:
+def energy_table(results: Results, published: Table4) -> Table:
     """Table 4: Exp. 2."""
-    published = paper["table_4"]
-    lines = []
-    for i, weight in enumerate(published["gamma"]):
-        own = where(rows, "energy_weight", [weight])
-        lines.append(
+    rows = []
+    for i, gamma in enumerate(published.gamma):
+        own = where(results, ENERGY_WEIGHT, [gamma])
+        rows.append(
             [
-                f"{weight:g}",
-                _mean(own, "target_head_r", 4),
-                f"{published['target_head_r'][i]:.4f}",
-                _mean(own, "head_amplitude_m", 4),
-                f"{published['head_amplitude_m'][i]:.4f}",
-                _mean(own, "energy_j", 0),
-                f"{published['energy_j'][i]:.0f}",
-                _mean(own, "hip_ankle_r", 2),
+                f"{gamma:g}",
+                _mean(own, TARGET_HEAD_R.measured, 4),
+                f"{published.target_head_r[i]:.4f}",
+                _mean(own, HEAD_AMPLITUDE.measured, 4),
+                f"{published.head_amplitude_m[i]:.4f}",
+                _mean(own, ENERGY.measured, 0),
+                f"{published.energy_j[i]:.0f}",
+                _mean(own, HIP_ANKLE_R.measured, 2),
                 _modes(own),
-                f"{published['mode'][i]}-phase",
+                f"{published.mode[i]}-phase",
                 _stood(own),
             ]
         )
     headings = ["gamma", "target-head r", "paper", "amplitude [m]", "paper", "energy [J]", "paper"]
     headings += ["hip-ankle r", "mode", "paper", "stood"]
-    return Table(headings, lines, f"Table 4: Exp. 2, {_seeds(rows)}", "r" * len(headings))
+    return Table(headings, rows, f"Table 4: Exp. 2, {_seeds(results)}", "r" * len(headings))
 
 
-def stiffness_table(rows: Sequence[Row], paper: Mapping[str, Any]) -> Table:
+def stiffness_table(results: Results, published: Experiment3) -> Table:
     """Exp. 3, which the paper shows as a figure."""
-    published = paper["experiment_3"]
-    rows = where(rows, "freq_hz", [published["freq_hz"]])
-    lines = []
-    for hip_k, theirs in zip(published["hip_k_nm_per_rad"], published["mode"], strict=True):
-        own = where(rows, "hip_k_nm_per_rad", [hip_k])
-        lines.append([f"{hip_k:g}", *_coordination(own), f"{theirs}-phase", _mean(own, "hip_range_deg", 1)])
-    headings = ["hip stiffness [Nm/rad]", *_COORDINATION, "paper", "hip range [deg]"]
-    return Table(headings, lines, f"Exp. 3: {published['freq_hz']:g} Hz, {_seeds(rows)}", "r" * len(headings))
+    own = where(where(results, FREQ, [published.freq_hz]), HIP_K, published.hip_k_nm_per_rad)
+    modes = dict(zip(published.hip_k_nm_per_rad, published.mode, strict=True))
+    caption = f"Exp. 3: {published.freq_hz:g} Hz"
+    return _coordination_table(own, HIP_K, "hip stiffness [Nm/rad]", modes, caption, hip_range=True)
 
 
-def load_table(rows: Sequence[Row], paper: Mapping[str, Any]) -> Table:
+def load_table(results: Results, published: Experiment4b) -> Table:
     """Exp. 4b, which the paper shows as a figure."""
-    published = paper["experiment_4b"]
-    theirs = {load: f"{name}-phase" for load, name in zip(published["load_kg"], published["mode_at_ends"], strict=True)}
-    loads = sorted({row["load_kg"] for row in rows})
-    lines = [[f"{load:g}", *_coordination(where(rows, "load_kg", [load])), theirs.get(load, "-")] for load in loads]
-    headings = ["load [kg]", *_COORDINATION, "paper"]
-    return Table(headings, lines, f"Exp. 4b: {published['freq_hz']:g} Hz, {_seeds(rows)}", "r" * len(headings))
+    modes = dict(zip(published.load_kg, published.mode_at_ends, strict=True))
+    return _coordination_table(results, LOAD, "load [kg]", modes, f"Exp. 4b: {published.freq_hz:g} Hz")
 
 
-def ramp_table(rows: Sequence[Row], paper: Mapping[str, Any]) -> Table:
-    """Exp. 4a, seed by seed."""
-    names = {f"{what}_{kind}{unit}": digits for kind in ("centred", "trailing") for what, unit, digits in _RAMP}
-    lines = [
-        [
-            f"seed {row['seed']:g}",
-            *(_number(row.get(name, math.nan), digits) if row["valid"] else "fell" for name, digits in names.items()),
-        ]
-        for row in rows
-    ]
-    published = paper["experiment_4a"]
-    caption = f"Exp. 4a: transition in the ramp [Hz]; paper: {published['transition_hz']:g} Hz, its kind of window not given"
-    return Table(["", "centred windows", "sign changes", "trailing windows", "sign changes"], lines, caption, "lrrrr")
+def ramp_table(results: Results, published: Experiment4a) -> Table:
+    """Exp. 4a, a row for each seed."""
+    rows = []
+    for result in results:
+        values = [value for read in WINDOWS.values() for value in zip(read(result.ramp), (2, 0), strict=True)]
+        cells = ["-" if math.isnan(value) else f"{value:.{digits}f}" for value, digits in values]
+        rows.append([f"seed {result.origin.seed}", *(cells if result.valid else ["fell"] * len(cells))])
+    caption = (
+        f"Exp. 4a: transition in the ramp [Hz]; paper: {published.transition_hz:g} Hz, the kind of window is not stated"
+    )
+    return Table(["", "centred windows", "sign changes", "trailing windows", "sign changes"], rows, caption, "lrrrr")
 
 
-def engine_table(rows: Sequence[Row]) -> Table:
-    """The headline again in each engine: mode and correlation, cost, falls, and where the modes switch."""
-    engines = [name for name in ENGINES if any(row["physics"] == name for row in rows)]
-    lines = []
-    for freq in sorted({round(row["freq_hz"], FREQ_DIGITS) for row in rows}):
-        own = [where(where(rows, "freq_hz", [freq]), "physics", [name]) for name in engines]
-        lines.append(
+def engine_table(results: Results) -> Table:
+    """Exp. 1 in each engine: mode and correlation, cost, falls, and where the modes switch."""
+    by_engine = {name: [result for result in results if result.origin.physics == name] for name in ENGINES}
+    by_engine = {name: own for name, own in by_engine.items() if own}
+    rows = []
+    for (freq,) in group_by(results, (FREQ,)):
+        at_freq = [where(own, FREQ, [freq]) for own in by_engine.values()]
+        correlations = [f"{_mean(own, HIP_ANKLE_R.measured, 2)} {_modes(own)}{_falls(own)}" for own in at_freq]
+        rows.append([f"{freq:.2f}", *correlations, *(_mean(own, COST_RATIO.measured, 2) for own in at_freq)])
+    rows.append(["switch [Hz]", *map(_switch, by_engine.values()), *["-"] * len(by_engine)])
+    titles = [ENGINES[name] for name in by_engine]
+    headings = ["f [Hz]", *(f"r, {title}" for title in titles), *(f"cost / least, {title}" for title in titles)]
+    caption = f"The same policies in each physics engine, {_seeds(results)}; the switch is interpolated"
+    return Table(headings, rows, caption, "r" * len(headings))
+
+
+def _coordination_table(
+    results: Results,
+    by: Variable,
+    heading: str,
+    published: Mapping[float, str],
+    caption: str,
+    hip_range: bool = False,
+) -> Table:
+    """Coordination in each condition, beside the modes `published` ("in" or "anti") in some of them."""
+    rows = []
+    for (value,), own in group_by(results, (by,)).items():
+        theory = [theory_means(own, (), getter) for getter in (HIP_ANKLE_R.least, HIP_ANKLE_R.reward)]
+        rows.append(
             [
-                f"{freq:.2f}",
-                *(f"{_mean(o, 'hip_ankle_r', 2)} {_modes(o)}{_falls(o)}" for o in own),
-                *(_mean(o, "cost_ratio", 2) for o in own),
+                f"{value:g}",
+                _mean(own, HIP_ANKLE_R.measured, 2),
+                _mean(own, RELATIVE_PHASE.measured, 0),
+                _modes(own),
+                *(means[()].text(".2f") if means else "-" for means in theory),
+                _mean(own, COST_RATIO.measured, 2),
+                _stood(own),
+                f"{published[value]}-phase" if value in published else "-",
+                *([_mean(own, HIP_RANGE.measured, 1)] if hip_range else []),
             ]
         )
-    lines.append(["switch [Hz]", *(_switch(where(rows, "physics", [name])) for name in engines), *["-" for _ in engines]])
-    titles = [ENGINES[name] for name in engines]
-    headings = ["f [Hz]", *(f"r, {title}" for title in titles), *(f"cost / least, {title}" for title in titles)]
-    caption = f"The same policies in other physics, {_seeds(rows)}; the switch interpolated between these frequencies"
-    return Table(headings, lines, caption, "r" * len(headings))
+    headings = [heading, "hip-ankle r", "phase [deg]", "mode", "least-torque r", "trained reward's r", "cost / least"]
+    headings += ["stood", "paper", *(["hip range [deg]"] if hip_range else [])]
+    return Table(headings, rows, f"{caption}, {_seeds(results)}", "r" * len(headings))
 
 
-_COORDINATION = ["hip-ankle r", "phase [deg]", "mode", "least-torque r", "trained reward's r", "cost / least", "stood"]
-_RAMP = (("transition", "_hz", 2), ("crossings", "", 0))
+def _mean(results: Results, value: Getter, digits: int) -> str:
+    """Mean over seeds and its interval, without those that fell; a dash if none has a value."""
+    return seed_means(results, (), value)[()].text(f".{digits}f") if results else "-"
 
 
-def _coordination(rows: Sequence[Row]) -> list[str]:
-    """The cells under `_COORDINATION`."""
-    theory = (theory_means(rows, (), name) for name in ("least_hip_ankle_r", "reward_hip_ankle_r"))
-    return [
-        _mean(rows, "hip_ankle_r", 2),
-        _mean(rows, "relative_phase_deg", 0),
-        _modes(rows),
-        *(means[()].text(".2f") if means else "-" for means in theory),
-        _mean(rows, "cost_ratio", 2),
-        _stood(rows),
-    ]
-
-
-def _mean(rows: Sequence[Row], column: str, digits: int) -> str:
-    """Mean over seeds and its interval, of those that did not fall; a dash where none has a value."""
-    return seed_means(rows, (), column)[()].text(f".{digits}f") if rows else "-"
-
-
-def _modes(rows: Sequence[Row]) -> str:
+def _modes(results: Results) -> str:
     """The mode of the mean correlation, and how many of the seeds that stood differ from it."""
-    if not rows:
+    if not results:
         return "-"
-    whole = shown_mode(seed_means(rows, (), "hip_ankle_r")[()])
-    stood = [row for row in rows if row["valid"]]
-    others = 0 if whole == "no mode" else sum(row["mode"] != whole for row in stood)
+    whole = mode_of(seed_means(results, (), HIP_ANKLE_R.measured)[()])
+    stood = [result for result in results if result.valid]
+    others = 0 if whole == "no mode" else sum(result.mode != whole for result in stood)
     return f"{whole} ({others} of {len(stood)} not)" if others else whole
 
 
-def _stood(rows: Sequence[Row]) -> str:
+def _stood(results: Results) -> str:
     """How many of the seeds stood: "4/5"."""
-    return f"{sum(row['valid'] for row in rows)}/{len(rows)}" if rows else "-"
+    return f"{sum(result.valid for result in results)}/{len(results)}" if results else "-"
 
 
-def _falls(rows: Sequence[Row]) -> str:
-    return "" if all(row["valid"] for row in rows) else f" ({_stood(rows)} stood)"
+def _falls(results: Results) -> str:
+    return "" if all(result.valid for result in results) else f" ({_stood(results)} stood)"
 
 
-def _switch(rows: Sequence[Row]) -> str:
-    """Mean over seeds of the frequency [Hz] at which the correlation goes from in-phase to anti-phase, if once."""
-    found = mean_of(list(switches(rows).values()))
-    return found.text(".3f") + (f" (none in {found.trials - found.n} of {found.trials})" if found.n < found.trials else "")
+def _switch(results: Results) -> str:
+    """Mean over seeds of the frequency [Hz] at which the correlation changes from in-phase to anti-phase, if once."""
+    mean = mean_of(list(switches(results).values()))
+    return mean.text(".3f") + (f" (none in {mean.trials - mean.n} of {mean.trials})" if mean.n < mean.trials else "")
 
 
-def _seeds(rows: Sequence[Row]) -> str:
-    count = len({row["seed"] for row in rows})
-    return f"{count} seed{'s' * (count != 1)}"
-
-
-def _number(value: float, digits: int) -> str:
-    return "-" if math.isnan(value) else f"{value:.{digits}f}"
-
-
-def word(verdict: str) -> str:
-    """A verdict as the page has it."""
-    return "not reproduced" if verdict == "not" else verdict
+def _seeds(results: Results) -> str:
+    return plural(len({result.origin.seed for result in results}), "seed")

@@ -8,7 +8,7 @@ import torch
 from envs.config import SolverConfig
 from envs.engines.factory import simulate
 from envs.engines.interface import ConstraintOverflowError, top_speed
-from envs.engines.solver_mujoco import SpatialSimulation
+from envs.engines.newton_mujoco import NewtonMujocoSimulation
 from envs.task.head_tracking import HeadTrackingEnv
 from envs.task.observations import TERMS
 from tests.commands import TINY, call
@@ -72,7 +72,7 @@ def harmed(env, harm, action):
         ("torque of 1e7", "null"),
     ],
 )
-def test_a_broken_world_ends_alone_and_is_healed(make, harm, reward_of_an_end):
+def test_a_broken_world_ends_alone_and_is_reset(make, harm, reward_of_an_end):
     """It ends in the same step, early even where that is its episode's last; all that comes out is finite; its neighbours
     are the bits they are without it; afterwards it moves as one that has never moved."""
     before, after = actions(6), actions(8, size=0.1)
@@ -107,7 +107,7 @@ def test_a_broken_world_ends_alone_and_is_healed(make, harm, reward_of_an_end):
 
 
 def test_half_a_turn_in_a_physics_step_is_too_fast(engine, env_config):
-    """In flight at 0.9 of the bound a world moves on; at 1.1 it has diverged, and shows what it was before."""
+    """In flight at 0.9 of the bound a world moves; at 1.1 it has diverged, and its outputs are those before the step."""
     config = env_config(f"env.physics={engine}")
     bound = top_speed(config)
     assert bound == pytest.approx(math.pi / (0.0166 / 2))  # of two steps in 16.6 ms: 378 m/s
@@ -143,7 +143,7 @@ def fling(sim, world, speed):
 def crouched(config, **room):
     """Both feet pressed into the ground and four joints past their limits: 4 contacts of 4 rows, and 4 rows more."""
     solver = SolverConfig.model_validate(config.solver.model_dump() | room)
-    sim = SpatialSimulation(config.model_copy(update={"solver": solver}), 2, "cpu")
+    sim = NewtonMujocoSimulation(config.model_copy(update={"solver": solver}), 2, "cpu")
     sim.joint_angle[:] = 0.9
     sim._joint_q[:, 2] -= 1.0
     sim.step(torch.zeros(2, 4))
@@ -161,13 +161,13 @@ def test_an_evaluation_with_too_little_room_fails_and_leaves_no_result(monkeypat
     """What escapes the command ends it with 1, and there is nothing that could pass for a result."""
     monkeypatch.chdir(tmp_path)
     call(monkeypatch, "train", *TINY, "evaluate=false", "max_iterations=1")
-    build = SpatialSimulation.__init__
+    build = NewtonMujocoSimulation.__init__
 
     def cramped(sim, *arguments):
         build(sim, *arguments)
         sim._data.njmax = 8  # the solver itself would not take less than the 16 rows of two flat feet
 
-    monkeypatch.setattr(SpatialSimulation, "__init__", cramped)
+    monkeypatch.setattr(NewtonMujocoSimulation, "__init__", cramped)
     with pytest.raises(ConstraintOverflowError, match="env.solver.constraint_rows = 8, needed at least"):
         call(monkeypatch, "eval", "ckpt=latest", "env.physics=mujoco")
     left = {path.name for path in tmp_path.rglob("*")}

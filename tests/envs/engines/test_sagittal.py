@@ -1,4 +1,4 @@
-"""The sagittal engine against MuJoCo's C solver in double precision, against the spatial engine, and against mechanics."""
+"""The sagittal engine against MuJoCo's C solver in double precision, against SolverMuJoCo, and against mechanics."""
 
 import math
 from dataclasses import dataclass
@@ -13,8 +13,8 @@ from envs.body.joints import BODIES, JOINTS
 from envs.body.segments import segments
 from envs.engines.factory import simulate
 from envs.engines.interface import top_speed
+from envs.engines.newton_mujoco import NewtonMujocoSimulation
 from envs.engines.sagittal import SagittalSimulation
-from envs.engines.solver_mujoco import SpatialSimulation
 from tests.mujoco_c import MujocoC
 
 GRAVITY = 9.81
@@ -23,7 +23,7 @@ HIP, ANKLE = (-0.01, -0.465), (0.0, -0.713)
 ENDS = ((-0.06, -0.098), (0.13, -0.098))
 """Centres of the balls at heel and toe from the ankle [m], same source."""
 RADIUS = 0.01
-SHOWN = ("joint_angle", "joint_velocity", "joint_force", "body_pose", "body_velocity", "sole_force", "sole_position")
+OUTPUTS = ("joint_angle", "joint_velocity", "joint_force", "body_pose", "body_velocity", "sole_force", "sole_position")
 
 
 def turned(v, pitch):
@@ -50,7 +50,7 @@ def placed(sim, q, qd):
     q, qd = (torch.as_tensor(np.atleast_2d(value), dtype=torch.float32) for value in (q, qd))
     if isinstance(sim, SagittalSimulation):
         sim._q[:], sim._qd[:] = q, qd
-        sim._place()
+        sim._write_outputs()
         return sim
     # Newton: quaternion x y z w, velocity of the centre of mass.
     at, speed = sim._joint_q.zero_(), sim._joint_qd.zero_()
@@ -70,11 +70,11 @@ def both_sides(hip_ankle):
 
 
 def seen(sim):
-    return {name: getattr(sim, name).numpy().copy() for name in SHOWN}
+    return {name: getattr(sim, name).numpy().copy() for name in OUTPUTS}
 
 
 def finite(sim):
-    return all(bool(getattr(sim, name).isfinite().all()) for name in SHOWN)
+    return all(bool(getattr(sim, name).isfinite().all()) for name in OUTPUTS)
 
 
 def modified(config, **solver):
@@ -139,7 +139,7 @@ TRIALS = {
 
 @pytest.fixture(scope="module")
 def played(config):
-    """Every trial in the sagittal engine, in the spatial one and in MuJoCo's C: {trial: {engine: {name: (steps, ...)}}}."""
+    """Every trial in the sagittal engine, in SolverMuJoCo and in MuJoCo's C: {trial: {engine: {name: (steps, ...)}}}."""
     found = {}
     for friction in sorted({trial.friction for trial in TRIALS.values()}):
         names = [name for name, trial in TRIALS.items() if trial.friction == friction]
@@ -150,7 +150,7 @@ def played(config):
         torque = both_sides(np.stack(push, 1))
         subject = {key: torch.tensor([getattr(trial, key) for trial in trials]) for key in ("hip_k", "ankle_k", "load")}
         engines = {}
-        for engine, make in (("sagittal", SagittalSimulation), ("spatial", SpatialSimulation)):
+        for engine, make in (("sagittal", SagittalSimulation), ("newton", NewtonMujocoSimulation)):
             sim = make(rough, len(trials), "cpu")
             sim.set_subject(**subject)
             placed(sim, [trial.q for trial in trials], [trial.qd for trial in trials])
@@ -159,7 +159,7 @@ def played(config):
                 sim.step(step)
                 history.append(seen(sim))
             sim.check_capacity()
-            engines[engine] = {key: np.stack([shown[key] for shown in history], 1) for key in SHOWN}
+            engines[engine] = {key: np.stack([outputs[key] for outputs in history], 1) for key in OUTPUTS}
         for i, (name, trial) in enumerate(zip(names, trials, strict=True)):
             own = rough.model_copy(update={key: getattr(trial, key) for key in subject})
             reference, history = MujocoC(own), []
@@ -167,14 +167,16 @@ def played(config):
             for step in torque[:, i]:
                 reference.step(step, config.solver.substeps)
                 history.append(reference.read())
-            exact = {key: np.stack([shown[key] for shown in history]) for key in SHOWN}
-            found[name] = {engine: {key: shown[key][i] for key in SHOWN} for engine, shown in engines.items()} | {"c": exact}
+            exact = {key: np.stack([outputs[key] for outputs in history]) for key in OUTPUTS}
+            found[name] = {engine: {key: outputs[key][i] for key in OUTPUTS} for engine, outputs in engines.items()} | {
+                "c": exact
+            }
     return found
 
 
 def deviation(ours, theirs):
     """Largest difference of each quantity; the place of a force where there is one."""
-    differences = {name: np.abs(ours[name] - theirs[name]) for name in SHOWN}
+    differences = {name: np.abs(ours[name] - theirs[name]) for name in OUTPUTS}
     differences["sole_position"] *= (np.abs(theirs["sole_force"]).max(-1) > 1e-3)[..., None]
     return {name: float(difference.max()) for name, difference in differences.items()}
 
@@ -188,7 +190,7 @@ C_AGREES = {
     "sole_force": 0.03,
     "sole_position": 4e-7,
 }
-SPATIAL_AGREES = {
+NEWTON_AGREES = {
     "joint_angle": 5e-6,
     "joint_velocity": 1e-4,
     "joint_force": 6e-4,
@@ -208,15 +210,15 @@ def test_agrees_with_mujoco_c(played, name):
 
 
 @pytest.mark.parametrize("name", TRIALS)
-def test_agrees_with_the_spatial_engine(played, name):
+def test_agrees_with_newton_mujoco(played, name):
     """Both in single precision, in different coordinates."""
-    found = deviation(played[name]["sagittal"], played[name]["spatial"])
-    assert not {key: found[key] for key, value in SPATIAL_AGREES.items() if found[key] > value * TRIALS[name].rounding}
+    found = deviation(played[name]["sagittal"], played[name]["newton"])
+    assert not {key: found[key] for key, value in NEWTON_AGREES.items() if found[key] > value * TRIALS[name].rounding}
 
 
 def test_trials_are_what_their_names_say(played):
     """By MuJoCo's C: contacts, slip, the pitch that the foot comes to, and joints beyond their limits."""
-    shown = {
+    outputs = {
         name: SimpleNamespace(
             hip=engines["c"]["joint_angle"][:, 0],
             ankle=engines["c"]["joint_angle"][:, 1],
@@ -226,18 +228,20 @@ def test_trials_are_what_their_names_say(played):
         )
         for name, engines in played.items()
     }
-    assert not np.any(shown["flight"].heel) and not np.any(shown["flight"].toe)
+    assert not np.any(outputs["flight"].heel) and not np.any(outputs["flight"].toe)
     for name in ("standing", "swaying", "swinging", "stopped short", "soft hips", "soft ankles", "loaded"):
-        assert min(shown[name].heel[:, 2].min(), shown[name].toe[:, 2].min()) > 0.0, name
-    assert shown["over the toe"].foot > 0.5 and not shown["over the toe"].heel[-10:].any()
-    assert shown["over the heel"].foot < -0.5 and not shown["over the heel"].toe[-10:].any()
+        assert min(outputs[name].heel[:, 2].min(), outputs[name].toe[:, 2].min()) > 0.0, name
+    assert outputs["over the toe"].foot > 0.5 and not outputs["over the toe"].heel[-10:].any()
+    assert outputs["over the heel"].foot < -0.5 and not outputs["over the heel"].toe[-10:].any()
     for name in ("on ice", "swinging on ice", "landing on ice"):
-        total = shown[name].heel + shown[name].toe
+        total = outputs[name].heel + outputs[name].toe
         assert np.sum(np.abs(total[:, 0]) > 0.199 * total[:, 2]) > 3, name
-    assert shown["landing"].heel[0, 2] == 0.0 and shown["landing"].toe[:, 2].max() > 500.0
-    assert shown["hip bent"].hip.min() < math.radians(-121) and shown["hip stretched"].hip.max() > math.radians(45.5)
-    assert shown["ankle bent"].ankle.min() < math.radians(-51) and shown["ankle stretched"].ankle.max() > math.radians(51)
-    assert shown["squatting"].ankle.min() < math.radians(-51) and shown["squatting"].heel.any()
+    assert outputs["landing"].heel[0, 2] == 0.0 and outputs["landing"].toe[:, 2].max() > 500.0
+    assert outputs["hip bent"].hip.min() < math.radians(-121) and outputs["hip stretched"].hip.max() > math.radians(45.5)
+    assert outputs["ankle bent"].ankle.min() < math.radians(-51) and outputs["ankle stretched"].ankle.max() > math.radians(
+        51
+    )
+    assert outputs["squatting"].ankle.min() < math.radians(-51) and outputs["squatting"].heel.any()
 
 
 STATES = {
@@ -267,7 +271,7 @@ def test_one_step_from_random_states_agrees_with_mujoco_c(config, kind, friction
         reference.place(q[world].astype(float), qd[world].astype(float))
         reference.step(torque[world], config.solver.substeps)
         history.append(reference.read())
-    exact, ours = {key: np.stack([shown[key] for shown in history]) for key in SHOWN}, seen(sim)
+    exact, ours = {key: np.stack([outputs[key] for outputs in history]) for key in OUTPUTS}, seen(sim)
     sound = ~sim.diverged.numpy()
     if not sound.all():  # dug up so fast that it is no motion any more, in MuJoCo as well
         assert kind == "buried" and sound.mean() > 0.95
@@ -326,7 +330,7 @@ def test_ten_iterations_are_enough(config, friction, short):
         for push in torque:
             sim.step(push.repeat(2, 1))
         ends.append(seen(sim))
-    for key in SHOWN:
+    for key in OUTPUTS:
         assert (ends[0][key] != ends[1][key]).reshape(2 * worlds, -1).any(1).mean() <= short, key
 
 
@@ -355,8 +359,8 @@ class Mechanics:
 
     def of(self, sim, world=0):
         """Energy of bodies, springs and rotors [J]; momentum along x, z [Ns], about y through the centre of mass [Nms]."""
-        shown = (sim.joint_angle, sim.joint_velocity, sim.body_velocity)
-        angle, speed, velocity = (values[world].double().numpy() for values in shown)
+        outputs = (sim.joint_angle, sim.joint_velocity, sim.body_velocity)
+        angle, speed, velocity = (values[world].double().numpy() for values in outputs)
         place, linear, angular = self.places(sim, world), velocity[:, [0, 2]], velocity[:, 4]
         stiffness = np.array([self.config.hip_k, self.config.ankle_k] * 2)
         energy = 0.5 * (self.mass @ (linear**2).sum(1) + self.inertia @ angular**2) + GRAVITY * self.mass @ place[:, 1]
@@ -508,7 +512,7 @@ def test_contact_only_pushes_and_within_its_friction(config, friction):
 
 @pytest.mark.parametrize("size", [1e3, 1e6, 1e30, math.inf, -math.inf, math.nan])
 def test_wild_torques_mark_their_worlds_and_no_others(config, size):
-    """Every second world is driven wild and stays finite; its neighbours move as if alone, bit for bit."""
+    """Every second world gets wild torques and stays finite; its neighbours move as if alone, bit for bit."""
     worlds = 64
     sim, calm = (SagittalSimulation(config, worlds, "cpu") for _ in range(2))
     wild, ever = torch.arange(worlds) % 2 == 1, torch.zeros(worlds, dtype=torch.bool)
@@ -521,7 +525,7 @@ def test_wild_torques_mark_their_worlds_and_no_others(config, size):
         ever |= sim.diverged
     if size != 1e3:  # which is borne
         assert torch.equal(ever, wild)
-    for name in SHOWN:
+    for name in OUTPUTS:
         assert torch.equal(getattr(sim, name)[~wild], getattr(calm, name)[~wild]), name
 
 
@@ -538,7 +542,7 @@ def test_wild_torques_mark_their_worlds_and_no_others(config, size):
     ],
 )
 def test_wild_states_stay_finite_or_are_marked(config, pitch, speed, gap):
-    """Thousands of states upside down, too fast, deep under ground or wound up: what is shown is finite, and a world that
+    """Thousands of states upside down, too fast, deep under ground or wound up: outputs are finite, and a world that
     diverges keeps what it had."""
     worlds = 3000
     sim = SagittalSimulation(config, worlds, "cpu")
@@ -561,78 +565,7 @@ def test_too_fast_a_world_has_diverged(config):
     assert sim.diverged.tolist() == [False, False, True]
 
 
-def test_a_world_may_recover_from_one_bad_torque(config):
-    """The step with it is not made; the mark is of the last step alone."""
-    sim = SagittalSimulation(config, 2, "cpu")
-    before = seen(sim)
-    sim.step(torch.tensor([[math.nan, 0, 0, 0], [math.inf, 0, -math.inf, 0]]))
-    assert sim.diverged.tolist() == [True, True]
-    assert all(np.array_equal(before[name], now) for name, now in seen(sim).items())
-    sim.step(torch.zeros(2, len(JOINTS)))
-    assert sim.diverged.tolist() == [False, False]
-
-
-def test_a_reset_world_moves_like_a_fresh_one_and_leaves_its_neighbours_alone(config):
-    """One after wild motion, one diverged."""
-    sim, undisturbed, fresh = (SagittalSimulation(config, 4, "cpu") for _ in range(3))
-    pushes = [both_sides(25 * torch.randn(4, 2)) for _ in range(15)]
-    for push in pushes:
-        undisturbed.step(push)
-        sim.step(push * torch.tensor([[1.0], [20.0], [math.inf], [1.0]]))
-    assert sim.diverged.tolist() == [False, False, True, False]
-    sim.reset(torch.tensor([False, True, True, False]))
-    assert not bool(sim.diverged.any()) and not bool(sim.sole_force[1].any())
-    for name in SHOWN:
-        assert torch.equal(getattr(sim, name)[1:3], getattr(fresh, name)[1:3]), name
-    for push in pushes:
-        for each in (sim, undisturbed, fresh):
-            each.step(push)
-    for name in SHOWN:
-        ours, alike, new = (getattr(each, name) for each in (sim, undisturbed, fresh))
-        assert torch.equal(ours[1:3], new[1:3]), name
-        assert torch.equal(ours[[0, 3]], alike[[0, 3]]), name
-    assert not torch.equal(sim.joint_angle[1], undisturbed.joint_angle[1])
-
-
 # -- bookkeeping -----------------------------------------------------------------------------------------------------------
-
-
-def test_state_can_be_taken_and_put_back(config):
-    """Another simulation with that state shows the same and moves on the same, bit for bit."""
-    sim, other = (SagittalSimulation(config, 3, "cpu") for _ in range(2))
-    sim.set_subject(hip_k=torch.tensor([60.0, 125.0, 125.0]), load=torch.tensor([0.0, 0.0, 3.0]))
-    pushes = [both_sides(20 * torch.randn(3, 2)) for _ in range(20)]
-    for push in pushes[:10]:
-        sim.step(push * torch.tensor([[1.0], [math.nan], [1.0]]) if push is pushes[9] else push)
-    kept = sim.state_dict()
-    shown = seen(sim)
-    for push in pushes[10:]:
-        sim.step(push)
-    other.load_state_dict(kept)
-    assert other.diverged.tolist() == [False, True, False]
-    for name in SHOWN:
-        assert np.array_equal(getattr(other, name).numpy(), shown[name]), name
-    for push in pushes[10:]:
-        other.step(push)
-    for name in (*SHOWN, "hip_k", "ankle_k", "load"):
-        assert torch.equal(getattr(other, name), getattr(sim, name)), name
-
-
-def test_stiffness_and_load_take_effect_per_world(config):
-    """Each world moves as one built that way, bit for bit."""
-    sim = SagittalSimulation(config, 4, "cpu")
-    changes = [{}, {"hip_k": 50.0}, {"ankle_k": 10.0}, {"load": 4.0}]
-    own = [config.model_copy(update=change) for change in changes]
-    sim.set_subject(**{key: torch.tensor([getattr(each, key) for each in own]) for key in ("hip_k", "ankle_k", "load")})
-    built = [SagittalSimulation(each, 1, "cpu") for each in own]
-    push = both_sides([[-20.0, 5.0]])
-    for _ in range(10):
-        for each in (sim, *built):
-            each.step(push.expand(each.num_worlds, -1))
-    for world, other in enumerate(built):
-        for name in SHOWN:
-            assert torch.equal(getattr(sim, name)[world], getattr(other, name)[0]), (changes[world], name)
-    assert min(float((sim.joint_angle[world] - sim.joint_angle[0]).abs().max()) for world in (1, 2, 3)) > 1e-3
 
 
 def test_neither_the_number_of_worlds_nor_of_threads_changes_a_bit(config):
@@ -646,7 +579,7 @@ def test_neither_the_number_of_worlds_nor_of_threads_changes_a_bit(config):
         finally:
             torch.set_num_threads(threads)
         ends.append(seen(sim))
-    for name in SHOWN:
+    for name in OUTPUTS:
         assert np.array_equal(ends[0][name], ends[1][name]) and np.array_equal(ends[0][name][:7], ends[2][name]), name
 
 
@@ -656,19 +589,8 @@ def test_unequal_torques_act_as_their_mean(config):
         sim.step(torch.tensor([[-20.0, 5.0, -4.0, 2.0]]))
         mean.step(torch.tensor([[-12.0, 3.5, -12.0, 3.5]]))
     assert float(sim.joint_angle.abs().max()) > 0.01
-    for name in SHOWN:
+    for name in OUTPUTS:
         assert torch.equal(getattr(sim, name), getattr(mean, name)), name
-
-
-@pytest.mark.parametrize("name", ["hip_k", "ankle_k", "load"])
-@pytest.mark.parametrize("bad", [[-1.0, 1.0], [math.nan, 1.0], [math.inf, 1.0], [1.0], [[1.0, 1.0]]])
-def test_impossible_subjects_are_refused(config, name, bad):
-    """And nothing is changed."""
-    sim = SagittalSimulation(config, 2, "cpu")
-    before = getattr(sim, name).clone()
-    with pytest.raises(ValueError, match=f"{name}: expected 2 finite values"):
-        sim.set_subject(**{name: torch.tensor(bad)})
-    assert torch.equal(getattr(sim, name), before)
 
 
 def test_segments_by_hand(config):
@@ -677,7 +599,7 @@ def test_segments_by_hand(config):
     def capsule(radius, *ends):
         return 1000 * math.pi * radius**2 * (math.dist(*ends) + 4 / 3 * radius)
 
-    sim, meter = SpatialSimulation(config, 1, "cpu"), Mechanics(config)
+    sim, meter = NewtonMujocoSimulation(config, 1, "cpu"), Mechanics(config)
     body = segments(sim.model)
     foot = 4 * capsule(0.027, (-0.07, -0.01), (0.14, -0.03))
     thigh, shin = capsule(0.06, (0, 0), (0.01, 0.34)), capsule(0.049, (0, 0), (0, 0.3))
@@ -700,11 +622,11 @@ def test_segments_by_hand(config):
     assert (body.ankle_x, body.heel_x, body.toe_x) == pytest.approx((0.0, -0.06, 0.13), abs=1e-6)
 
 
-def test_starts_as_the_spatial_engine_does(config):
+def test_starts_as_newton_mujoco_does(config):
     """Upright, the same body in the same place at rest."""
     ours, theirs = (simulate(config.model_copy(update={"physics": name}), 2, "cpu") for name in ("sagittal", "mujoco"))
-    assert isinstance(ours, SagittalSimulation) and isinstance(theirs, SpatialSimulation)
+    assert isinstance(ours, SagittalSimulation) and isinstance(theirs, NewtonMujocoSimulation)
     assert torch.allclose(ours.body_pose, theirs.body_pose, atol=2e-7, rtol=0)
-    for name in set(SHOWN) - {"body_pose"}:
+    for name in set(OUTPUTS) - {"body_pose"}:
         assert not bool(getattr(ours, name).any()) and not bool(getattr(theirs, name).any()), name
     assert ours.geometry.heel_x == theirs.geometry.heel_x and np.array_equal(ours.geometry.head, theirs.geometry.head)

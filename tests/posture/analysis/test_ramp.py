@@ -1,6 +1,7 @@
 """Ramp indices of signals whose phase is known; the running correlation against NumPy's own, window by window."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from envs.task import target
-from posture.analysis.ramp import ramp_frequency, ramp_transition, window_correlation
+from posture.analysis.ramp import ramp_frequency, ramp_transition, transitions, window_correlation
 
 DT = 1 / 60
 TIME = np.arange(1500) * DT  # 25 s
@@ -44,7 +45,7 @@ def test_frequency_is_that_of_the_target_in_the_simulation() -> None:
 @pytest.mark.parametrize("centred", [True, False])
 @pytest.mark.parametrize("steps", [2, 7, 40])
 @given(seed=st.integers(0, 1000), offset=st.floats(-1e3, 1e3))
-def test_every_window_is_numpys(steps: int, centred: bool, seed: int, offset: float) -> None:
+def test_every_window_agrees_with_numpy(steps: int, centred: bool, seed: int, offset: float) -> None:
     draw = np.random.default_rng(seed)
     a = offset + draw.normal(size=60).cumsum()
     b = 0.3 * a + draw.normal(size=60)
@@ -58,8 +59,8 @@ def test_every_window_is_numpys(steps: int, centred: bool, seed: int, offset: fl
             assert value == pytest.approx(expected, abs=1e-7)
 
 
-def test_a_small_motion_far_from_zero_does_not_cancel() -> None:
-    # 1 part in 10 million of the offset: with sums of squares carried along, nothing would be left of it.
+def test_a_small_motion_far_from_zero_keeps_its_correlation() -> None:
+    # 1 part in 10 million of the offset: running sums of squares would lose it by cancellation.
     hip, ankle = 1.0 + 1e-7 * wave(1.0), 1.0 - 1e-7 * wave(1.0)
     assert np.nanmax(abs(window_correlation(hip, ankle, WINDOW, centred=False) + 1)) < 1e-8
 
@@ -91,22 +92,19 @@ def test_a_joint_that_hardly_moves_has_no_correlation() -> None:
     r = window_correlation(wave(1.0), ankle, WINDOW, centred=False, still_rad=math.radians(0.3))
     assert np.isnan(r[:299]).all()
     assert np.isfinite(r[299:600]).all()
-    # 5 s later nothing but the small motion is in the window.
+    # 5 s later only the small motion is in the window.
     assert np.isnan(r[900:]).all()
     assert np.isfinite(window_correlation(wave(1.0), ankle, WINDOW, centred=False)[299:]).all()
     assert np.isnan(window_correlation(wave(1.0), np.full(1500, 0.2), WINDOW, centred=False)).all()
 
 
-def test_a_gap_spoils_only_the_windows_over_it() -> None:
+def test_windows_with_a_gap_or_longer_than_the_trial_are_undefined() -> None:
     hip = wave(1.0)
     hip[700] = math.nan
     r = window_correlation(hip, wave(1.0), WINDOW, centred=False)
     assert np.flatnonzero(np.isfinite(r)).tolist() == [*range(299, 700), *range(1000, 1500)]
-
-
-def test_a_trial_shorter_than_the_window() -> None:
-    assert np.isnan(window_correlation(wave(1.0)[:299], wave(1.0)[:299], WINDOW, centred=True)).all()
-    assert np.isfinite(window_correlation(wave(1.0)[:300], wave(1.0)[:300], WINDOW, centred=False)).sum() == 1
+    for steps, defined in ((299, 0), (300, 1)):
+        assert np.isfinite(window_correlation(hip[:steps], hip[:steps], WINDOW, centred=False)).sum() == defined
 
 
 def test_bad_input_is_refused() -> None:
@@ -121,38 +119,32 @@ def test_bad_input_is_refused() -> None:
 # --- transition
 
 
-def test_transition_by_hand() -> None:
-    # From 0.6 to -0.2 between 0.4 and 0.6 Hz: three quarters of the way, 0.55 Hz.
-    assert ramp_transition([0.2, 0.4, 0.6, 0.8], [0.9, 0.6, -0.2, -0.9]) == (pytest.approx(0.55), 1)
+NAN = math.nan
 
 
-def test_the_last_change_to_anti_phase_counts() -> None:
-    # Noise at the start (down at 0.15 Hz, up at 0.25 Hz), then the transition at 0.65 Hz.
-    freq = [0.1, 0.2, 0.3, 0.6, 0.7]
-    assert ramp_transition(freq, [0.5, -0.5, 0.5, 0.5, -0.5]) == (pytest.approx(0.65), 3)
-    # Back in-phase at the end: the last change to anti-phase is the first, and the second crossing is counted.
-    assert ramp_transition(freq, [0.5, 0.5, -0.5, -0.5, 0.5]) == (pytest.approx(0.25), 2)
-
-
-def test_no_transition() -> None:
-    freq = [0.1, 0.2, 0.3]
-    assert ramp_transition(freq, [0.5, 0.4, 0.3]) == (None, 0)
-    assert ramp_transition(freq, [-0.5, -0.4, 0.3]) == (None, 1)
-    assert ramp_transition(freq, [math.nan] * 3) == (None, 0)
-    assert ramp_transition([], []) == (None, 0)
-
-
-def test_nan_and_zero() -> None:
-    nan = math.nan
-    # Over a gap the line runs from neighbour to neighbour; a zero is where it is.
-    assert ramp_transition([0.1, 0.2, 0.3, 0.4], [nan, 0.5, nan, -0.5]) == (pytest.approx(0.3), 1)
-    assert ramp_transition([0.1, 0.2, 0.3, 0.4], [0.5, 0.0, 0.0, -0.5]) == (pytest.approx(0.2), 1)
-    assert ramp_transition([0.1, 0.2, 0.3], [0.5, 0.0, 0.5]) == (None, 0)
-
-
-def test_only_the_ramp_counts() -> None:
-    # The frequency holds from 0.3 Hz on, where a sign change says nothing about frequency.
-    assert ramp_transition([0.1, 0.2, 0.3, 0.3, 0.3], [0.5, 0.5, 0.4, -0.4, -0.5]) == (None, 0)
+@pytest.mark.parametrize(
+    ("freq", "r", "expected", "crossings"),
+    [
+        # From 0.6 to -0.2 between 0.4 and 0.6 Hz: three quarters of the way.
+        ([0.2, 0.4, 0.6, 0.8], [0.9, 0.6, -0.2, -0.9], 0.55, 1),
+        # Noise at the start (down at 0.15 Hz, up at 0.25 Hz), then the transition: the last change to anti-phase counts,
+        ([0.1, 0.2, 0.3, 0.6, 0.7], [0.5, -0.5, 0.5, 0.5, -0.5], 0.65, 3),
+        # also where it is followed by a change back to in-phase.
+        ([0.1, 0.2, 0.3, 0.6, 0.7], [0.5, 0.5, -0.5, -0.5, 0.5], 0.25, 2),
+        ([0.1, 0.2, 0.3], [0.5, 0.4, 0.3], None, 0),
+        ([0.1, 0.2, 0.3], [-0.5, -0.4, 0.3], None, 1),
+        ([0.1, 0.2, 0.3], [NAN, NAN, NAN], None, 0),
+        ([], [], None, 0),
+        # Over a gap the line runs from neighbour to neighbour. A zero counts where it is, with a sign change only.
+        ([0.1, 0.2, 0.3, 0.4], [NAN, 0.5, NAN, -0.5], 0.3, 1),
+        ([0.1, 0.2, 0.3, 0.4], [0.5, 0.0, 0.0, -0.5], 0.2, 1),
+        ([0.1, 0.2, 0.3], [0.5, 0.0, 0.5], None, 0),
+        # The frequency is constant from 0.3 Hz on: a sign change there has no frequency.
+        ([0.1, 0.2, 0.3, 0.3, 0.3], [0.5, 0.5, 0.4, -0.4, -0.5], None, 0),
+    ],
+)
+def test_transition_by_hand(freq, r, expected, crossings) -> None:
+    assert ramp_transition(freq, r) == (None if expected is None else pytest.approx(expected), crossings)
 
 
 @given(st.floats(0.1, 0.8))
@@ -165,13 +157,12 @@ def test_a_ramp_of_known_phase() -> None:
     """Motion at the rising frequency, the hip lagging by 90 deg x f / 0.5 Hz: at 0.5 Hz the correlation is zero."""
     freq = ramp_frequency(TIME, 0.0, RATE, 25.0)
     angle = 2 * math.pi * 0.5 * RATE * TIME**2
-    hip, ankle = np.cos(angle - math.pi / 2 * freq / 0.5), np.cos(angle)
-    centred, trailing = (
-        ramp_transition(freq, window_correlation(hip, ankle, WINDOW, centred=c)).freq_hz for c in (True, False)
-    )
-    assert centred is not None
-    assert trailing is not None
-    # A window of 5 s holds 2.5 cycles there, and what is left of a half cycle shifts the zero a little.
-    assert centred == pytest.approx(0.5, abs=0.04)
+    hip, ankle = np.cos(angle - math.pi / 2 * freq / 0.5)[:, None], np.cos(angle)[:, None]
+    recorded = SimpleNamespace(time=TIME, hip=np.hstack([hip, hip]), ankle=np.hstack([ankle, hip]))
+    found, without = transitions(recorded, 0.0, RATE, 25.0, WINDOW, 0.0)
+    # A window of 5 s holds 2.5 cycles there, and the remaining half cycle moves the zero a little.
+    assert found.transition_centred_hz == pytest.approx(0.5, abs=0.04)
     # Half a window is 2.5 s x 0.036 Hz/s = 0.09 Hz.
-    assert trailing - centred == pytest.approx(0.09, abs=0.001)
+    assert found.transition_trailing_hz - found.transition_centred_hz == pytest.approx(0.09, abs=0.001)
+    assert found.crossings_centred == found.crossings_trailing == 1
+    assert math.isnan(without.transition_centred_hz) and without.crossings_trailing == 0

@@ -1,4 +1,4 @@
-"""The roll-out's arrays: shapes refused, joints averaged, saved whole or not at all, read back unchanged."""
+"""The arrays of a roll-out: wrong shapes are refused, joints averaged, files read back unchanged."""
 
 import dataclasses
 from pathlib import Path
@@ -8,7 +8,6 @@ import pytest
 
 from envs.body.joints import JOINTS
 from posture.analysis.trajectory import Trajectory
-from posture.storage.atomic import replacing
 
 STEPS, WORLDS = 5, 3
 
@@ -81,26 +80,6 @@ def test_wrong_shape_is_refused(name: str, shape: tuple[int, ...]) -> None:
 
 def test_single_precision_is_widened() -> None:
     assert trajectory(head_x=np.zeros((STEPS, WORLDS), np.float32)).head_x.dtype == np.float64
-
-
-def test_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
-    path = tmp_path / "file"
-    path.write_text("old")
-    with pytest.raises(RuntimeError), replacing(path) as temporary:
-        temporary.write_text("half of the n")
-        raise RuntimeError
-    assert path.read_text() == "old"
-    assert list(tmp_path.iterdir()) == [path]
-
-
-def test_successful_write_replaces_only_at_the_end(tmp_path: Path) -> None:
-    path = tmp_path / "file"
-    path.write_text("old")
-    with replacing(path) as temporary:
-        temporary.write_text("new")
-        assert temporary.parent == tmp_path  # another file system could not be moved from atomically
-        assert path.read_text() == "old"
-    assert path.read_text() == "new"
 
 
 def test_incomplete_file_is_refused(tmp_path: Path) -> None:

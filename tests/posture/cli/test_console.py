@@ -12,7 +12,7 @@ SLOW = {"torch", "warp", "newton", "mujoco", "scipy", "matplotlib", "rsl_rl", "p
 
 
 def python(*arguments, cwd):
-    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, cwd=cwd, timeout=120)
+    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, cwd=cwd, timeout=600)
 
 
 def test_without_a_command_all_are_listed(tmp_path):

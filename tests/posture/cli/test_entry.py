@@ -9,7 +9,7 @@ import torch
 import yaml
 
 from posture.storage import provenance, run_dir
-from tests.commands import EVALUATION, TINY, call, refused, runs, table
+from tests.commands import CONSTANT, EVALUATION, TINY, call, refused, runs, same, table
 
 NO_FIGURES = ["evaluation.figures=false"]
 
@@ -134,23 +134,10 @@ def test_eval_may_change_the_subject(trained, monkeypatch):
     assert float(row["load_kg"]) == 4.0 and float(row["hip_k_nm_per_rad"]) == 60.0
 
 
-def same(a, b):
-    """Whether two checkpoints hold the same numbers, bit for bit."""
-    if isinstance(a, dict):
-        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
-    if isinstance(a, (list, tuple)):
-        return len(a) == len(b) and all(map(same, a, b))
-    return torch.equal(a, b) if isinstance(a, torch.Tensor) else a == b
-
-
 @pytest.mark.parametrize("processes", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_resume_continues_exactly(monkeypatch, capsys, processes):
-    """Two iterations, a break and two more equal four without a break, bit for bit.
-
-    Schedules keep the length that the training began with, so the weights are constant here.
-    """
-    constant = ["env.reward.stay_weight=1.5", "env.reward.target_weight=1.5", "env.reward.ended=-9"]
-    quick = [*TINY, *constant, "evaluate=false", "env.num_envs=16", f"processes={processes}"]
+    """Two iterations, a break and two more equal four without a break, bit for bit."""
+    quick = [*TINY, *CONSTANT, "evaluate=false", "env.num_envs=16", f"processes={processes}"]
     call(monkeypatch, "train", *quick)
     run = runs()[0]
     call(monkeypatch, "train", f"resume={run}", "max_iterations=4")

@@ -1,10 +1,10 @@
-"""Trainings stopped by a signal, a kill or a full disk: what was saved stays whole, and resume goes on exactly."""
+"""Trainings stopped by a signal, a kill or a full disk: what was saved stays whole, and resume continues exactly."""
 
 import contextlib
 import errno
-import fcntl
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -17,11 +17,11 @@ from posture.cli.sweep import status
 from posture.learning.resume import iterations_done
 from posture.storage import atomic, checkpoint, run_dir
 from posture.storage.lock import is_busy
-from tests.commands import TINY, call, refused
-from tests.posture.cli.test_entry import same
+from tests.commands import CONSTANT, TINY, call, refused, same
 
 PLAIN = [*TINY, "evaluate=false", "env.num_envs=16"]
 FOREVER = "max_iterations=1000000"
+RARE = "agent.save_interval=1000000"
 LIMIT_S = 180
 """On a busy machine two processes take half a minute to start."""
 
@@ -33,7 +33,7 @@ def _elsewhere(tmp_path, monkeypatch):
 
 @contextlib.contextmanager
 def started(*arguments):
-    """`python -m posture.train arguments`, the leader of a process group of its own, as a shell starts it."""
+    """`python -m posture.train arguments` as the leader of a process group of its own, as a shell starts it."""
     command = [sys.executable, "-m", "posture.train", *arguments]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
     try:
@@ -44,43 +44,46 @@ def started(*arguments):
         process.communicate()
 
 
-def wait_for(what, process):
+def wait_for(condition, process):
     deadline = time.monotonic() + LIMIT_S
-    while not (found := what()):
+    while not (found := condition()):
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < deadline, "the training does not get there"
         time.sleep(0.02)
     return found
 
 
-def saved(run, iterations=1):
-    """Whether `run` can go on from at least so many iterations."""
-    return (run / "resume.pt").exists() and checkpoint.load(run / "resume.pt", "cpu")["iteration"] >= iterations
+def wait_until_group_ends(group):
+    """Raises ProcessLookupError as soon as no process of the group is left."""
+    for _ in range(500):
+        os.killpg(group, 0)
+        time.sleep(0.02)
 
 
 def train(*arguments):
-    done = subprocess.run(
-        [sys.executable, "-m", "posture.train", *arguments], capture_output=True, text=True, timeout=LIMIT_S
-    )
+    """A training in a process of its own."""
+    command = [sys.executable, "-m", "posture.train", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S)
     assert done.returncode == 0, done.stderr
 
 
-def timeless(run):
-    """What resume.pt of `run` holds, without how long the training took."""
+def comparable(run):
+    """What resume.pt of `run` holds, without the time that the training took and the length that it began with."""
     state = checkpoint.load(run / "resume.pt", "cpu")
     for process in state["processes"]:
         del process["logger"]["tot_time"]
+        process["env"].pop("training_steps", None)
     return state
 
 
 def equal(one, other, iterations):
     """Whether two runs have the same policy, value function, optimiser and state for a resume."""
     models = [checkpoint.load(run / f"model_{iterations}.pt", "cpu") for run in (one, other)]
-    return same(*models) and same(timeless(one), timeless(other))
+    return same(*models) and same(comparable(one), comparable(other))
 
 
 def steps(run):
-    """Iterations that the TensorBoard files of `run` tell of, in order."""
+    """Iterations in the TensorBoard files of `run`, in order."""
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
     return [
@@ -93,35 +96,34 @@ def steps(run):
 # -- signals -------------------------------------------------------------------------------------------------------------
 
 
-def stop_and_go_on(number, processes, to_all):
-    """Stop a training by a signal, go on for two iterations, and compare with one that never stopped."""
-    shared = [*PLAIN, f"processes={processes}", "agent.save_interval=1000000"]
-    run = Path("stopped")
+def stop_and_resume(monkeypatch, number, processes, to_all):
+    """Stop a training by a signal, resume it for two iterations, and compare with one that never stopped."""
+    shared, run = [*PLAIN, *CONSTANT, f"processes={processes}", RARE], Path("stopped")
     with started(*shared, FOREVER, f"hydra.run.dir={run}") as process:
         wait_for(lambda: list(run.glob("events.out.*")), process)
-        time.sleep(1.0)
+        time.sleep(0.3)
         (os.killpg if to_all else os.kill)(process.pid, number)
         out, err = process.communicate(timeout=LIMIT_S)
     assert process.returncode == 128 + number, err
     assert "Traceback" not in out + err and "stopped after iteration" in out
     assert not is_busy(run)
-    (model,) = run.glob("model_*.pt")  # the one of the stop, since no other was due
+    (model,) = run.glob("model_*.pt")  # saved because of the signal, since no other save was due
     done = run_dir.iteration_of(model)
     assert iterations_done(run) == done and steps(run) == list(range(done))
-    train(f"resume={run}", f"max_iterations={done + 2}")
-    train(*shared, f"max_iterations={done + 2}", "hydra.run.dir=whole")
+    call(monkeypatch, "train", f"resume={run}", f"max_iterations={done + 2}")
+    call(monkeypatch, "train", *shared, f"max_iterations={done + 2}", "hydra.run.dir=whole")
     assert equal(run, Path("whole"), done + 2)
     assert steps(run) == steps(Path("whole")) == list(range(done + 2))
 
 
-def test_a_signal_ends_the_iteration_and_saves():
-    stop_and_go_on(signal.SIGTERM, 1, to_all=False)
+def test_a_signal_ends_the_iteration_and_saves(monkeypatch):
+    stop_and_resume(monkeypatch, signal.SIGTERM, 1, to_all=False)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "to_all"), [(signal.SIGINT, True), (signal.SIGTERM, True), (signal.SIGTERM, False)])
-def test_a_signal_stops_both_processes_after_the_same_iteration(number, to_all):
-    stop_and_go_on(number, 2, to_all)
+def test_a_signal_stops_both_processes_after_the_same_iteration(monkeypatch, number, to_all):
+    stop_and_resume(monkeypatch, number, 2, to_all)
 
 
 @pytest.mark.slow
@@ -129,7 +131,7 @@ def test_a_second_signal_ends_at_once_and_what_is_saved_stays():
     run = Path("twice")
     train(*PLAIN, "max_iterations=1", f"hydra.run.dir={run}")
     kept = {path: path.read_bytes() for path in run.glob("*.pt")}
-    # Of a run whose iterations do not end by themselves.
+    # From now on its iterations are too long to end by themselves.
     config = (run / "config.yaml").read_text()
     (run / "config.yaml").write_text(config.replace("num_steps_per_env: 4", "num_steps_per_env: 100000"))
     with started(f"resume={run}", FOREVER) as process:
@@ -140,15 +142,16 @@ def test_a_second_signal_ends_at_once_and_what_is_saved_stays():
         assert process.poll() is None
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=LIMIT_S)
-    assert process.returncode == 130 and "Traceback" not in err and "a second signal ends at once" in err
+    assert process.returncode == 130 and "Traceback" not in err and "a second signal stops at once" in err
     assert kept == {path: path.read_bytes() for path in run.glob("*.pt")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "to_all", "moment"), [(signal.SIGINT, True, 0.0), (signal.SIGINT, True, 5.0), (signal.SIGKILL, False, 5.0)]
 )
-def test_the_end_before_the_first_iteration(number, to_all, moment):
-    """Two processes, of which the second is still being started: none is left, and none says that it broke."""
+def test_an_end_before_the_first_iteration(number, to_all, moment):
+    """Of two processes, while the second one starts: none is left running, and none reports an error."""
     with started(*PLAIN, FOREVER, "processes=2", "hydra.run.dir=early") as process:
         wait_for(lambda: Path("early/.lock").exists(), process)
         time.sleep(moment)
@@ -157,50 +160,33 @@ def test_the_end_before_the_first_iteration(number, to_all, moment):
         assert process.returncode == (130 if number == signal.SIGINT else -signal.SIGKILL)
         assert "Traceback" not in err, err
         with pytest.raises(ProcessLookupError):
-            wait_until_gone(process.pid)
+            wait_until_group_ends(process.pid)
 
 
-def wait_until_gone(group):
-    for _ in range(500):
-        os.killpg(group, 0)
-        time.sleep(0.02)
-
-
+@pytest.mark.slow
 def test_a_sweep_stops_with_its_job_saved():
-    sweep = ["-m", "experiment=energy", *PLAIN, "env.energy_weight=0,5", "seed=1", "agent.save_interval=1000000"]
+    sweep = ["-m", "experiment=energy", *PLAIN, "env.energy_weight=0,5", "seed=1", RARE]
     with started(*sweep, FOREVER) as process:
         wait_for(lambda: list(Path("runs/energy").glob("*/events.out.*")), process)
         time.sleep(1.0)
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=LIMIT_S)
     assert process.returncode == 130 and "Traceback" not in out + err, err
-    (job,) = run_dir.runs_in(Path("runs/energy"))  # the second never began
+    (job,) = run_dir.runs_in(Path("runs/energy"))  # the second one never started
     assert status(job)["state"] == "running" and not is_busy(job)
     assert iterations_done(job) == run_dir.iteration_of(run_dir.newest_model(job))
 
 
-# -- resume, and a job of a sweep ----------------------------------------------------------------------------------------
+# -- a job of a sweep ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("processes", [1, 2])
-def test_two_starts_are_one(processes):
-    """Real processes: two iterations and two more equal four, and TensorBoard has each once."""
-    shared = [*PLAIN, f"processes={processes}"]
-    train(*shared, "max_iterations=2", "hydra.run.dir=parts")
-    train("resume=parts", "max_iterations=4")
-    train(*shared, "max_iterations=4", "hydra.run.dir=whole")
-    assert equal(Path("parts"), Path("whole"), 4)
-    assert steps(Path("parts")) == steps(Path("whole")) == [0, 1, 2, 3]
-
-
-def test_a_job_of_a_sweep_is_the_job_alone(monkeypatch):
-    """The second job of a sweep, in a process that has trained another before, and the same in a process of its own."""
+def test_a_job_of_a_sweep_equals_the_same_training_alone(monkeypatch):
+    """The second job of a sweep, in a process that has already trained another, and the same in a process of its own."""
     call(monkeypatch, "train", "-m", *PLAIN, "env.hip_k=50,150", "seed=3", "hydra.sweep.dir=sweep")
-    _, job = run_dir.runs_in(Path("sweep"))
+    other, job = run_dir.runs_in(Path("sweep"))
     train(*PLAIN, "env.hip_k=150", "seed=3", "hydra.run.dir=alone")
-    assert equal(job, Path("alone"), 2)
-    assert not equal(run_dir.runs_in(Path("sweep"))[0], Path("alone"), 2)
+    assert equal(job, Path("alone"), 2) and not equal(other, Path("alone"), 2)
 
 
 # -- kills and full disks ------------------------------------------------------------------------------------------------
@@ -209,36 +195,42 @@ def test_a_job_of_a_sweep_is_the_job_alone(monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("processes", [1, 2])
 def test_kills_at_random_moments(processes):
-    """After each kill the newest checkpoint loads, nothing is left running or locked, and the training goes on."""
+    """After each kill the newest checkpoint loads, nothing is left running or locked, and the training can be resumed."""
     moments, run = random.Random(processes), Path("killed")
-    train(*PLAIN, f"processes={processes}", "max_iterations=1", f"hydra.run.dir={run}")
+    shared = [*PLAIN, *CONSTANT, f"processes={processes}"]
+    train(*shared, "max_iterations=1", f"hydra.run.dir={run}")
     for _ in range(6):
         before = iterations_done(run)
         with started(f"resume={run}", FOREVER) as process:
-            wait_for(lambda before=before: saved(run, before + 1), process)
+            wait_for(lambda b=before: checkpoint.load(run / "resume.pt", "cpu")["iteration"] > b, process)
             time.sleep(moments.uniform(0.0, 0.3))
             process.kill()
             process.wait()
             with pytest.raises(ProcessLookupError):
-                wait_until_gone(process.pid)
+                wait_until_group_ends(process.pid)
         assert not is_busy(run)
         done, newest = iterations_done(run), run_dir.newest_model(run)
         assert done > before and checkpoint.load(newest, "cpu")["iter"] == run_dir.iteration_of(newest) >= done
-    done = iterations_done(run)
     train(f"resume={run}", f"max_iterations={done + 1}")
-    train(
-        *PLAIN, f"processes={processes}", f"max_iterations={done + 1}", "agent.save_interval=1000000", "hydra.run.dir=whole"
-    )
+    train(*shared, f"max_iterations={done + 1}", RARE, "hydra.run.dir=whole")
     assert equal(run, Path("whole"), done + 1)
     assert not list(run.glob(".*.tmp"))
 
 
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """Runs of two and of four iterations, `begun` and `whole`, made once; tests change copies of the former."""
+    folder = tmp_path_factory.mktemp("trained")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        call(patch, "train", *PLAIN, *CONSTANT, "hydra.run.dir=begun")
+        call(patch, "train", *PLAIN, *CONSTANT, "max_iterations=4", "hydra.run.dir=whole")
+    return folder
+
+
 @pytest.fixture
-def begun(monkeypatch):
-    """A run of two iterations, and what is in it."""
-    run = Path("begun")
-    call(monkeypatch, "train", *PLAIN, f"hydra.run.dir={run}")
-    return run
+def begun(trained):
+    return Path(shutil.copytree(trained / "begun", "begun"))
 
 
 class Cut(BaseException):
@@ -247,8 +239,8 @@ class Cut(BaseException):
 
 @pytest.mark.parametrize("name", ["model_3.pt", "resume.pt"])
 @pytest.mark.parametrize("moment", ["before the file is renamed", "before the file is written", "after it is renamed"])
-def test_a_save_cut_short_anywhere(begun, monkeypatch, name, moment):
-    """What a kill there leaves: the run goes on from what resume.pt tells, exactly."""
+def test_an_interrupted_save_loses_nothing(trained, begun, monkeypatch, name, moment):
+    """After a kill at that moment the run continues from what resume.pt says, exactly."""
     with monkeypatch.context() as patch:
         replace, write = os.replace, Path.write_bytes
 
@@ -267,38 +259,38 @@ def test_a_save_cut_short_anywhere(begun, monkeypatch, name, moment):
 
         patch.setattr(os, "replace", cut_replace)
         patch.setattr(Path, "write_bytes", cut_write)
-        patch.setattr(Path, "unlink", lambda *_, **__: None)  # a killed process tidies nothing up
+        patch.setattr(Path, "unlink", lambda *_, **__: None)  # a killed process removes nothing
         with pytest.raises(Cut):
             call(patch, "train", f"resume={begun}", "max_iterations=4")
     done = 3 if (name, moment) == ("resume.pt", "after it is renamed") else 2
     assert iterations_done(begun) == done
-    strays = list(begun.glob(".*.tmp"))
-    assert bool(strays) == ("before" in moment) and run_dir.newest_model(begun) not in strays
+    temporary = list(begun.glob(".*.tmp"))
+    assert bool(temporary) == ("before" in moment) and run_dir.newest_model(begun) not in temporary
     call(monkeypatch, "train", f"resume={begun}", "max_iterations=4")
-    call(monkeypatch, "train", *PLAIN, "max_iterations=4", "hydra.run.dir=whole")
-    assert equal(begun, Path("whole"), 4) and not list(begun.glob(".*.tmp"))
+    assert equal(begun, trained / "whole", 4) and not list(begun.glob(".*.tmp"))
 
 
-def test_strays_are_no_checkpoints_and_go_at_the_next_start(begun, monkeypatch):
-    stray, mine = begun / ".model_9.pt.12345.tmp", begun / ".mine.tmp"
-    stray.write_bytes(b"half")
-    mine.write_bytes(b"somebody else's")
+def test_temporary_files_are_removed_by_the_next_start_and_others_kept(begun, monkeypatch, capsys):
+    """Unless another process is training in the folder, whose files they may be."""
+    temporary, other = begun / ".model_9.pt.12345.tmp", begun / ".mine.tmp"
+    temporary.write_bytes(b"half")
+    other.write_bytes(b"another program's")
     assert run_dir.newest_model(begun).name == "model_2.pt"
+    code = (
+        "import pathlib, sys; from posture.storage.lock import locked\n"
+        "with locked(pathlib.Path('begun')): print('locked', flush=True); sys.stdin.read()"
+    )
+    holder = subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert holder.stdout.readline() == b"locked\n"
+    assert "another process" in refused(monkeypatch, capsys, "train", f"resume={begun}", "max_iterations=3")
+    assert temporary.exists()
+    holder.communicate()
     call(monkeypatch, "train", f"resume={begun}", "max_iterations=3")
-    assert not stray.exists() and mine.exists()
-
-
-def test_a_busy_run_is_not_tidied(begun, monkeypatch, capsys):
-    """What another process is writing is not a stray."""
-    (begun / ".model_9.pt.12345.tmp").write_bytes(b"half")
-    with (begun / ".lock").open("ab") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        assert "another process" in refused(monkeypatch, capsys, "train", f"resume={begun}", "max_iterations=3")
-    assert (begun / ".model_9.pt.12345.tmp").exists()
+    assert not temporary.exists() and other.exists()
 
 
 @pytest.mark.parametrize("name", ["model_3.pt", "resume.pt"])
-def test_a_full_disk_is_one_line_and_costs_nothing_saved(begun, monkeypatch, capfd, name):
+def test_a_full_disk_is_one_line_and_loses_nothing_saved(begun, monkeypatch, capfd, name):
     kept = {path: path.read_bytes() for path in begun.glob("*.pt")}
     write = Path.write_bytes
 
@@ -322,8 +314,8 @@ def test_a_full_disk_is_one_line_and_costs_nothing_saved(begun, monkeypatch, cap
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
-def test_the_systems_own_answer_of_a_full_disk(tmp_path, monkeypatch):
-    """By a device that is always full: the error names the file that was to be written."""
+def test_an_error_of_the_system_names_the_file_that_was_to_be_written(tmp_path, monkeypatch):
+    """By a device that is always full."""
     monkeypatch.setattr(atomic.os, "getpid", lambda: 1)
     (tmp_path / ".model_1.pt.1.tmp").symlink_to("/dev/full")
     with pytest.raises(OSError, match="No space left on device") as full:

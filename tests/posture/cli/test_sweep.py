@@ -1,4 +1,4 @@
-"""Sweeps that go on, name what failed, and know what is done: real ones of tiny size, under each launcher."""
+"""Sweeps that continue, name failed jobs and skip those that are done: real ones of tiny size, under each launcher."""
 
 import re
 import time
@@ -12,11 +12,13 @@ from posture.cli.jobs import Job, check
 from posture.cli.sweep import SweepProgress, fraction_done, run_job, status
 from posture.config.train import TrainConfig
 from posture.storage import checkpoint, run_dir
-from tests.commands import TINY, call, refused, table
+from tests.commands import CONSTANT, TINY, call, refused, same, table
 from tests.conftest import compose
 
+TINY = [*TINY, *CONSTANT, "evaluation.figures=false"]
 SWEEP = ["-m", "experiment=energy", *TINY, "env.energy_weight=0,5", "seed=1", "evaluation.freq=[0.5]"]
 JOBLIB = ["hydra/launcher=joblib", "hydra.launcher.n_jobs=2"]
+UNEVALUATED = [*SWEEP, "evaluate=false"]
 SUBMITIT = ["hydra/launcher=submitit_local", "hydra.launcher.timeout_min=5"]
 
 
@@ -24,7 +26,7 @@ SUBMITIT = ["hydra/launcher=submitit_local", "hydra.launcher.timeout_min=5"]
 def _elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     yield
-    get_reusable_executor().shutdown()  # joblib keeps its processes, which are still in this test's folder
+    get_reusable_executor().shutdown()  # joblib keeps its processes, which would stay in this test's folder
 
 
 def folders(arguments=SWEEP):
@@ -35,16 +37,15 @@ def models():
     return {path: path.stat().st_mtime_ns for path in Path("runs").rglob("model_*.pt")}
 
 
-@pytest.mark.parametrize(
-    "launcher",
-    [
-        pytest.param([], id="basic"),
-        pytest.param(JOBLIB, id="joblib", marks=pytest.mark.slow),
-        pytest.param(SUBMITIT, id="submitit", marks=pytest.mark.slow),
-    ],
-)
+def launchers(*others):
+    """Hydra's basic launcher, and others in the slow tests."""
+    slow = [pytest.param(launcher, marks=pytest.mark.slow, id=launcher[0].split("=")[1]) for launcher in others]
+    return pytest.mark.parametrize("launcher", [pytest.param([], id="basic"), *slow])
+
+
+@launchers(JOBLIB, SUBMITIT)
 def test_a_sweep_under_each_launcher(monkeypatch, capsys, launcher):
-    """Each job gets the folder that was known beforehand; a second start trains nothing."""
+    """Each job gets the folder that was known in advance; a second start trains nothing."""
     call(monkeypatch, "train", *SWEEP, *launcher)
     assert "sweep: 2 of 2 jobs done" in capsys.readouterr().out
     assert sorted(path for path in Path("runs/energy").iterdir() if path.is_dir() and path.name[0] != ".") == sorted(
@@ -59,48 +60,49 @@ def test_a_sweep_under_each_launcher(monkeypatch, capsys, launcher):
     assert models() == before
 
 
-def test_what_is_missing_is_done_and_the_rest_left(monkeypatch, capsys):
-    """A job cut short goes on from its last checkpoint; one that never began begins."""
-    call(monkeypatch, "train", *SWEEP, "env.energy_weight=5")
-    (folder,) = folders([*SWEEP, "env.energy_weight=5"])
+def test_a_second_start_does_what_is_missing(monkeypatch, capsys):
+    """An interrupted job continues from its last checkpoint; one that never started starts."""
+    call(monkeypatch, "train", *UNEVALUATED, "env.energy_weight=5")
+    (folder,) = folders([*UNEVALUATED, "env.energy_weight=5"])
     whole = (folder / "model_2.pt").read_bytes()
     (folder / "model_2.pt").unlink()
     (folder / "status.yaml").write_text("state: running\n")
     resume = checkpoint.load(folder / "resume.pt", "cpu")
     assert resume["iteration"] == 2
-    call(monkeypatch, "train", *[a for a in SWEEP if "max_iterations" not in a], "max_iterations=1", "env.energy_weight=5")
+    call(monkeypatch, "train", *UNEVALUATED, "max_iterations=1", "env.energy_weight=5")
     (shorter,) = [path for path in Path("runs/energy").iterdir() if path.is_dir() and path != folder]
     for name in ("resume.pt", "model_1.pt"):
         (folder / name).write_bytes((shorter / name).read_bytes())  # as a kill after the first iteration leaves it
     capsys.readouterr()
-    call(monkeypatch, "train", *SWEEP)
+    call(monkeypatch, "train", *UNEVALUATED)
     assert "sweep: 2 of 2 jobs done" in capsys.readouterr().out
     ours = checkpoint.load(folder / "model_2.pt", "cpu")["actor_state_dict"]
     (folder / "whole.pt").write_bytes(whole)
     theirs = checkpoint.load(folder / "whole.pt", "cpu")["actor_state_dict"]
-    assert all((ours[name] == theirs[name]).all() for name in theirs)
+    assert same(ours, theirs)
     assert len(yaml.safe_load((folder / "provenance.yaml").read_text())) == 2
 
 
-@pytest.mark.parametrize("launcher", [[], JOBLIB], ids=["basic", "joblib"])
-def test_a_failing_job_stops_no_other_and_is_named(monkeypatch, capsys, launcher):
-    broken, sound = folders()
+@launchers(JOBLIB)
+def test_a_failed_job_is_named_and_stops_no_other(monkeypatch, capsys, launcher):
+    broken, sound = folders(UNEVALUATED)
     (broken / "provenance.yaml").mkdir(parents=True)  # so that it cannot be written
     with pytest.raises(SystemExit) as stop:
-        call(monkeypatch, "train", *SWEEP, *launcher)
-    told = capsys.readouterr()
+        call(monkeypatch, "train", *UNEVALUATED, *launcher)
+    printed = capsys.readouterr()
     assert stop.value.code == 1
-    assert "sweep: 1 of 2 jobs done" in told.out
-    assert re.search(rf"failed: .*{broken.name}: .*provenance.yaml: cannot be read .*Is a directory", told.out)
-    assert "Traceback" in (broken / "error.txt").read_text() and "Traceback" not in told.out + told.err
+    assert "sweep: 1 of 2 jobs done" in printed.out
+    assert re.search(rf"failed: .*{broken.name}: .*provenance.yaml: cannot be read .*Is a directory", printed.out)
+    assert "Traceback" in (broken / "error.txt").read_text() and "Traceback" not in printed.out + printed.err
     assert (sound / "model_2.pt").exists() and not (sound / "error.txt").exists()
     (broken / "provenance.yaml").rmdir()
     before = models()
-    call(monkeypatch, "train", *SWEEP, *launcher)
+    call(monkeypatch, "train", *UNEVALUATED, *launcher)
     assert "2 of 2 jobs done, 1 of them before" in capsys.readouterr().out
     assert not (broken / "error.txt").exists() and before.items() <= models().items()
 
 
+@pytest.mark.slow
 def test_two_by_two_of_the_grid(monkeypatch):
     arguments = ["-m", "experiment=grid", *TINY, "env.freq=0.2,0.5", "env.hip_k=50,150", "max_iterations=1"]
     arguments = [argument for argument in arguments if "evaluation.freq" not in argument]
@@ -117,9 +119,9 @@ def test_a_wrong_value_is_refused_before_the_first_job(monkeypatch, capsys):
 
 
 def test_the_policies_of_a_sweep_in_every_experiment(monkeypatch, capsys):
-    """Experiments without training take the policies of another and write into their own folder; done again, they read."""
+    """Experiments without training take the policies of another and write to their own folder; repeated, they only read."""
     quick = [argument for argument in TINY if not argument.startswith("evaluation.freq")]
-    call(monkeypatch, "train", "-m", "experiment=frequency", *quick, "seed=1,2", "evaluation.freq=[0.5]")
+    call(monkeypatch, "train", "-m", "experiment=frequency", *quick, "seed=1,2", "evaluate=false")
     evaluation = [argument for argument in quick if argument.startswith("evaluation")]
     for experiment, name in (("load", "load-4"), ("ramp", "job")):
         change = ["env.load=0,4"] if experiment == "load" else []
@@ -133,7 +135,7 @@ def test_the_policies_of_a_sweep_in_every_experiment(monkeypatch, capsys):
     assert capsys.readouterr().out.count("evaluated before") == 2
 
 
-# -- how far it is ---------------------------------------------------------------------------------------------------
+# -- progress ---------------------------------------------------------------------------------------------------
 
 
 def job_with(folder, iterations=None, state=None):
@@ -153,7 +155,7 @@ def test_progress_is_that_of_the_newest_checkpoint(tmp_path):
 
 
 def test_time_left_by_the_speed_so_far(tmp_path, monkeypatch):
-    """Three equal jobs, one done before. Half of another took 10 minutes, so the other half and the third take 30."""
+    """Of three equal jobs one was done before. Half of the second took 10 minutes, so the rest takes 30."""
     now = time.monotonic()
     monkeypatch.setattr(time, "monotonic", lambda: now)
     jobs = [job_with(tmp_path / "a", 1000, "done"), job_with(tmp_path / "b"), job_with(tmp_path / "c")]

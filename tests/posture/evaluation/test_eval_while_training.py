@@ -1,4 +1,4 @@
-"""An evaluation beside a training that goes on: it reads whole files, repeats itself, and changes nothing of the run."""
+"""An evaluation while a training runs: it reads complete files, is reproducible, and changes no file of the run."""
 
 import os
 import signal
@@ -15,11 +15,17 @@ from posture.storage import checkpoint
 from posture.storage.run_dir import iteration_of, newest_model
 from tests.commands import TINY, call, runs
 
-LEARNING = [*(a for a in TINY if "max_iterations" not in a and "save_interval" not in a), "agent.save_interval=5"]
+# Constant weights: schedules are shares of the training, and the two trainings that are compared differ in length.
+CONSTANT = ["env.reward.stay_weight=1.5", "env.reward.target_weight=1.5", "env.reward.ended=-9"]
+LEARNING = [
+    *(a for a in TINY if "max_iterations" not in a and "save_interval" not in a),
+    "agent.save_interval=5",
+    *CONSTANT,
+]
 EVALUATION = [*(a for a in TINY if a.startswith("evaluation")), "evaluation.figures=false", "evaluation.freq=[0.5]"]
 
 opened: list[tuple[str, str]] = []
-"""What this process did to files: the audit event and the path. An audit hook cannot be taken away again."""
+"""Changes of files by this process: audit event and path. An audit hook cannot be removed, so it is module-wide."""
 
 
 def _watch(event, arguments):
@@ -34,7 +40,7 @@ def _watch(event, arguments):
 
 @pytest.fixture(scope="module")
 def training(tmp_path_factory):
-    """The folder of a training that goes on in another process, after its first checkpoint; and the process."""
+    """The folder of a training that runs in another process, after its first checkpoint; and the process."""
     folder = tmp_path_factory.mktemp("training")
     command = [sys.executable, "-m", "posture.train", *LEARNING, "max_iterations=100000", "evaluate=false"]
     with subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
@@ -52,8 +58,8 @@ def training(tmp_path_factory):
                 process.kill()
 
 
-def test_what_is_read_meanwhile_is_whole(training):
-    """The state, which the training replaces all the time, and the newest checkpoint, whatever it is at that moment."""
+def test_files_read_during_training_are_complete(training):
+    """The saved state, which the training often replaces, and the newest checkpoint at each moment."""
     run, process = training
     states: set[int] = set()
     deadline = time.monotonic() + 60.0
@@ -61,10 +67,10 @@ def test_what_is_read_meanwhile_is_whole(training):
         states.add(checkpoint.load(run / "resume.pt", "cpu")["iteration"])
         newest = newest_model(run)
         assert checkpoint.load(newest, "cpu")["iter"] == iteration_of(newest)
-    assert process.poll() is None and len(states) == 5  # it was replaced meanwhile
+    assert process.poll() is None and len(states) == 5
 
 
-def test_an_evaluation_repeats_itself_and_changes_nothing_of_the_run(training, tmp_path, monkeypatch):
+def test_an_evaluation_is_reproducible_and_changes_no_file_of_the_run(training, tmp_path, monkeypatch):
     run, process = training
     monkeypatch.chdir(tmp_path)
     before = {path: path.read_bytes() for path in run.iterdir() if path.suffix == ".yaml" or path.name.startswith("model_")}
@@ -73,9 +79,9 @@ def test_an_evaluation_repeats_itself_and_changes_nothing_of_the_run(training, t
     call(monkeypatch, "eval", f"ckpt={run}", *EVALUATION)
     (own,) = (path for path in run.iterdir() if path.is_dir())
     call(monkeypatch, "eval", f"ckpt={run / own.name.removeprefix('evaluation_')}.pt", "out=again", *EVALUATION)
-    ours = {path for _, path in opened if path.startswith(str(run))}
+    written = {path for _, path in opened if path.startswith(str(run))}
     after = newest_model(run)
-    assert process.poll() is None and iteration_of(after) > int(own.name.split("_")[-1])  # it went on all the while
+    assert process.poll() is None and iteration_of(after) > int(own.name.split("_")[-1])  # it was running all the time
 
     table = (own / "metrics.csv").read_bytes()
     assert table == Path("again/metrics.csv").read_bytes() and b"nan" in table
@@ -83,12 +89,12 @@ def test_an_evaluation_repeats_itself_and_changes_nothing_of_the_run(training, t
     assert set(first.files) == set(second.files)
     assert all(np.array_equal(first[name], second[name], equal_nan=first[name].dtype.kind == "f") for name in first.files)
 
-    # `evaluation` is left to the training's own end.
+    # The folder `evaluation` is for the end of the training.
     assert own.name.startswith("evaluation_model_")
-    assert ours and all(path.startswith(str(own)) for path in ours)
+    assert written and all(path.startswith(str(own)) for path in written)
     assert {path: path.read_bytes() for path in before} == before
 
-    # The policy is the one of a training that nobody looked at.
+    # The policy is that of a training without an evaluation beside it.
     done = iteration_of(after)
     call(monkeypatch, "train", *LEARNING, f"max_iterations={done}", "evaluate=false")
     (alone,) = runs()

@@ -1,4 +1,4 @@
-"""The record of a roll-out against the environment it was made in."""
+"""The record of a roll-out against the environment."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def lean(_observation):
 
 
 def balance(env):
-    """A stiff posture controller: enough to stand for a while, not to follow anything."""
+    """A stiff posture controller that stands for a while without following the target."""
 
     def act(_observation):
         angle, velocity = env.sim.joint_angle, env.sim.joint_velocity
@@ -62,7 +62,7 @@ def test_a_standing_body_rests_on_its_soles(env):
     assert trial.foot_flat[20:].mean() > 0.99
     heel, toe = env.sim.geometry.heel_x, env.sim.geometry.toe_x
     inside = trial.cop_x[20:]
-    # On flat feet the centre of pressure stays between heel and toe, but for the millimetre by which they roll.
+    # On flat feet the centre of pressure stays between heel and toe, except for the millimetre by which they roll.
     assert np.nanmin(inside) > heel - 1e-3 and np.nanmax(inside) < toe + 1e-3
     assert abs(np.median(inside) - 0.002) < 0.02  # under the centre of mass, 2 mm ahead of the ankle
     assert trial.foot_displacement.max() < 0.01
@@ -78,7 +78,7 @@ def test_joint_order_and_torques(env):
     assert trial.ankle[-1] == pytest.approx(env.sim.joint_angle[:, 1].numpy(), abs=1e-6)
 
 
-def test_after_a_fall_there_is_nothing(env):
+def test_after_a_fall_the_record_is_nan(env):
     trial = record(env, lean)
     assert (trial.fall_step > 0).all()
     for world, fall in enumerate(trial.fall_step):
@@ -87,7 +87,7 @@ def test_after_a_fall_there_is_nothing(env):
         assert np.isnan(trial.joint_torque[fall:, world]).all() and not trial.foot_flat[fall:, world].any()
 
 
-def test_same_policy_same_record(env):
+def test_the_same_policy_gives_the_same_record(env):
     first, second = record(env, balance(env)), record(env, balance(env))
     assert np.array_equal(first.joint_angle, second.joint_angle)
     assert np.array_equal(first.cop_x, second.cop_x, equal_nan=True)

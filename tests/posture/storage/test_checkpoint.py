@@ -1,4 +1,4 @@
-"""A checkpoint file is whole, of this project, and numbers alone, or it is refused."""
+"""A checkpoint is refused unless it is complete, from this project, and holds only numbers."""
 
 import hashlib
 import io
@@ -28,21 +28,21 @@ def whole(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
-    return tmp_path_factory.mktemp("harmed") / "model_3.pt"
+    return tmp_path_factory.mktemp("damaged") / "model_3.pt"
 
 
 def refusal(path):
-    with warnings.catch_warnings(record=True) as told, pytest.raises(ConfigError) as refused:
+    with warnings.catch_warnings(record=True) as warned, pytest.raises(ConfigError) as refused:
         warnings.simplefilter("always")
         checkpoint.load(path, "cpu")
-    assert not told  # Python would print them beside the line
+    assert not warned  # a warning would be a second line
     line = str(refused.value)
     assert line.startswith(f"{path}: ") and "\n" not in line
     return line
 
 
-def test_the_file_is_a_zip_archive_that_ends_in_the_digest_of_the_rest(whole):
-    """Told by the standard library alone; and stock torch reads it."""
+def test_a_checkpoint_is_a_zip_archive_that_ends_in_its_digest(whole):
+    """Checked with the standard library; torch reads the file without our code."""
     with zipfile.ZipFile(io.BytesIO(whole)) as archive:
         comment = archive.comment
         assert archive.testzip() is None
@@ -52,8 +52,8 @@ def test_the_file_is_a_zip_archive_that_ends_in_the_digest_of_the_rest(whole):
     assert stock["iter"] == 3 and torch.equal(stock["actor_state_dict"]["weight"], CONTENT["actor_state_dict"]["weight"])
 
 
-def test_every_flipped_bit_and_every_lost_end_is_seen(whole, place, monkeypatch):
-    """All of them, in a small file."""
+def test_every_flipped_bit_and_every_truncation_is_detected(whole, place, monkeypatch):
+    """Every one of them, in a small file."""
     for byte in range(len(whole)):
         flipped = [whole[:byte] + bytes([whole[byte] ^ 1 << bit]) + whole[byte + 1 :] for bit in range(8)]
         for harmed in (*flipped, whole[:byte]):
@@ -65,8 +65,8 @@ def test_every_flipped_bit_and_every_lost_end_is_seen(whole, place, monkeypatch)
 
 @settings(deadline=None, max_examples=200)
 @given(data=st.data())
-def test_random_harm_to_a_shipped_policy_is_seen(place, data):
-    """Bytes overwritten, cut out, put in or swapped somewhere in a file of the real size."""
+def test_random_damage_to_a_shipped_policy_is_detected(place, data):
+    """Bytes overwritten, removed or inserted somewhere in a file of realistic size."""
     good = next(PRETRAINED.glob("default/model_*.pt")).read_bytes()
     start = data.draw(st.integers(0, len(good)))
     end = data.draw(st.integers(start, len(good)))
@@ -80,17 +80,17 @@ def test_random_harm_to_a_shipped_policy_is_seen(place, data):
 
 @settings(deadline=None, max_examples=200)
 @given(noise=st.binary(max_size=300), head=st.sampled_from([b"", b"PK\x03\x04", b"\x80\x02", b"\x89PNG\r\n\x1a\n"]))
-def test_noise_is_refused_in_one_line_even_with_a_right_digest(place, noise, head):
+def test_noise_is_refused_in_one_line_even_with_a_correct_digest(place, noise, head):
     place.write_bytes(head + noise)
     refusal(place)
     place.write_bytes(checkpoint.sealed(head + noise + b"\0\0"))
     refusal(place)
 
 
-def test_what_is_no_file_is_refused(tmp_path):
+def test_a_path_that_is_not_a_file_is_refused(tmp_path):
     assert "no such checkpoint" in refusal(tmp_path / "model_1.pt")
     assert "not a file" in refusal(tmp_path)
-    os.mkfifo(tmp_path / "model_2.pt")  # to read from it would wait for ever
+    os.mkfifo(tmp_path / "model_2.pt")  # reading it would block
     assert "not a file" in refusal(tmp_path / "model_2.pt")
     (tmp_path / "model_3.pt").symlink_to("/dev/zero")
     assert "not a file" in refusal(tmp_path / "model_3.pt")
@@ -117,7 +117,7 @@ def archive_of(thing):
 
 @pytest.mark.parametrize("function", ["system", "exec", "eval", "open", "getenv"])
 def test_code_in_a_checkpoint_is_not_executed(tmp_path, monkeypatch, capfd, function):
-    """Each file has a right digest; torch without `weights_only` does execute it."""
+    """Each file has a correct digest; torch without `weights_only` executes the code."""
     canary, secret = tmp_path / "canary", "the-secret-of-the-environment"
     monkeypatch.setenv("CANARY", secret)
     payload = {
@@ -133,7 +133,7 @@ def test_code_in_a_checkpoint_is_not_executed(tmp_path, monkeypatch, capfd, func
     assert not canary.exists()
     assert secret not in refusal(path) + capfd.readouterr().out
     content = torch.load(path, weights_only=False)
-    assert canary.exists() or content["actor_state_dict"] == secret  # the payload works where it is let
+    assert canary.exists() or content["actor_state_dict"] == secret  # the payload works without the protection
 
 
 @pytest.mark.filterwarnings("ignore:.torch.jit:DeprecationWarning")
@@ -155,15 +155,15 @@ def test_code_in_other_forms_that_torch_loads_is_not_executed(tmp_path, form):
     assert not canary.exists()
 
 
-def test_what_is_saved_is_the_old_file_or_the_new_one(tmp_path, monkeypatch, whole):
-    """A failure on the way leaves the old file, and nothing beside it."""
+def test_a_failed_save_leaves_the_old_file(tmp_path, monkeypatch, whole):
+    """And nothing beside it."""
     path = tmp_path / "model_3.pt"
     path.write_bytes(whole)
 
-    def full(descriptor):
+    def disk_full(descriptor):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(os, "fsync", full)
+    monkeypatch.setattr(os, "fsync", disk_full)
     with pytest.raises(OSError, match="No space left"):
         checkpoint.save({"iter": 4}, path)
     assert path.read_bytes() == whole and list(tmp_path.iterdir()) == [path]

@@ -1,6 +1,6 @@
-"""Where runs and jobs write: their own folders alone, whatever these are called, and one process at a time."""
+"""Runs and jobs write only into their own folders, whatever their names, and one process at a time."""
 
-import fcntl
+import contextlib
 import signal
 import subprocess
 import sys
@@ -23,13 +23,13 @@ NAMES = ["two words, a=b größe 人", "it's {x} #%41", "-dash..dots"]
 
 
 @pytest.fixture(autouse=True)
-def _elsewhere(tmp_path, monkeypatch):
+def _other_folder(tmp_path, monkeypatch):
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
 
 
 def quoted(text):
-    """As a Hydra value."""
+    """`text` as a value that Hydra reads unchanged."""
     return "'" + str(text).replace("'", "\\'") + "'"
 
 
@@ -37,11 +37,11 @@ def tree(top):
     return {path.relative_to(top) for path in top.rglob("*")}
 
 
-# -- folders that cannot be ------------------------------------------------------------------------------------------
+# -- invalid folders -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("folder", ["/proc/x", "file", "file/sub", "/sys/x/y", "hanging"])
-def test_where_nothing_can_be_written_nothing_begins(monkeypatch, capsys, folder):
+def test_a_folder_that_cannot_be_written_is_refused(monkeypatch, capsys, folder):
     Path("file").write_text("mine")
     Path("hanging").symlink_to("/nowhere/at/all")
     before = tree(Path.cwd())
@@ -57,7 +57,7 @@ def test_where_nothing_can_be_written_nothing_begins(monkeypatch, capsys, folder
 
 
 def test_a_read_only_folder_is_refused(monkeypatch, capsys, tmp_path):
-    """As root no permission stops us, so the file system's answer is given by hand."""
+    """Root may write anywhere, so the error of the file system is raised by hand."""
 
     def deny(*_, dir, **__):
         raise PermissionError(13, "Permission denied", str(dir))
@@ -73,7 +73,7 @@ def test_an_empty_sweep_is_refused(monkeypatch, capsys):
     assert runs() == []
 
 
-def test_jobs_do_not_share_a_folder_nor_leave_the_sweeps(monkeypatch, capsys, tmp_path):
+def test_jobs_have_different_folders_within_the_sweep(monkeypatch, capsys, tmp_path):
     sweep = ["train", "-m", *QUICK, "seed=1,2"]
     assert "would have the folder" in refused(monkeypatch, capsys, *sweep, "hydra.sweep.subdir=same")
     assert "does not lie within" in refused(monkeypatch, capsys, *sweep, "hydra.sweep.subdir=../../x")
@@ -85,9 +85,9 @@ def test_jobs_do_not_share_a_folder_nor_leave_the_sweeps(monkeypatch, capsys, tm
 # -- names -----------------------------------------------------------------------------------------------------------
 
 
-def test_any_name_of_a_folder(monkeypatch, tmp_path):
-    """A run is trained, gone on with and evaluated in a folder of any name; nothing else is written anywhere."""
-    evaluation = [t for t in TINY if t.startswith("evaluation")]
+def test_any_folder_name(monkeypatch, tmp_path):
+    """A run is trained, resumed and evaluated in a folder of any name, and nothing is written elsewhere."""
+    evaluation = [override for override in TINY if override.startswith("evaluation")]
     for name in NAMES:
         run = Path("runs") / name
         call(monkeypatch, "train", *QUICK, f"hydra.run.dir={quoted(run)}")
@@ -99,51 +99,48 @@ def test_any_name_of_a_folder(monkeypatch, tmp_path):
     assert list(tmp_path.iterdir()) == [tmp_path / "here"] and list(Path.cwd().iterdir()) == [Path.cwd() / "runs"]
 
 
-def test_a_path_upwards_is_where_it_says(monkeypatch, tmp_path):
+def test_a_path_upwards(monkeypatch, tmp_path):
     call(monkeypatch, "train", *QUICK, "hydra.run.dir=../there/run")
     assert (tmp_path / "there" / "run" / "model_1.pt").is_file()
     assert list(Path.cwd().iterdir()) == []
 
 
-# -- two at once -----------------------------------------------------------------------------------------------------
+# -- several processes------------------------------------------------------------------------------------------------
 
 NAME = "import sys, time; from posture.storage.run_dir import folder_for; from pathlib import Path; \
 time.sleep(max(0, float(sys.argv[1]) - time.time())); f = folder_for('runs', None); Path(f).mkdir(parents=True); print(f)"
 
 
-def test_runs_started_at_the_same_moment_have_folders_of_their_own():
-    moment = str(time.time() + 12)
-    started = [subprocess.Popen([sys.executable, "-c", NAME, moment], stdout=subprocess.PIPE, text=True) for _ in range(4)]
+def test_runs_started_at_the_same_time_have_different_folders():
+    start = str(time.time() + 12)
+    started = [subprocess.Popen([sys.executable, "-c", NAME, start], stdout=subprocess.PIPE, text=True) for _ in range(4)]
     folders = [process.communicate(timeout=60)[0].strip() for process in started]
     assert all(process.returncode == 0 for process in started) and len(set(folders)) == 4
-    assert len({folder.rsplit("_", 1)[0] for folder in folders}) <= 2, "they were to be named in the same second"
+    assert len({folder.rsplit("_", 1)[0] for folder in folders}) <= 2, "they should be named in the same second"
 
 
 HOLD = "import sys, time; from pathlib import Path; from posture.storage.lock import locked\n\
 with locked(Path(sys.argv[1])): print('held', flush=True); time.sleep(100)"
 
 
-@pytest.fixture
-def holder(tmp_path):
-    """Another process that is at work in the folder `job`."""
-    job = tmp_path / "here" / "job"
-    process = subprocess.Popen([sys.executable, "-c", HOLD, str(job)], stdout=subprocess.PIPE, text=True)
-    assert process.stdout.readline() == "held\n"
-    yield job, process
-    process.kill()
-    process.wait()
-    process.stdout.close()
+@contextlib.contextmanager
+def held_by_another_process(folder):
+    with subprocess.Popen([sys.executable, "-c", HOLD, str(folder)], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "held\n"
+        try:
+            yield
+        finally:
+            process.kill()  # it has no chance to clean up
 
 
-def test_a_folder_in_work_is_refused_until_its_process_dies(holder, monkeypatch, capsys):
-    job, process = holder
-    assert is_busy(job)
-    with pytest.raises(ConfigError, match="another process is using this folder"), locked(job):
-        pass
-    line = refused(monkeypatch, capsys, "train", *QUICK, f"hydra.run.dir={job}")
-    assert "another process is using this folder" in line and not (job / "config.yaml").exists()
-    process.send_signal(signal.SIGKILL)  # no chance to tidy up
-    process.wait()
+def test_a_folder_is_refused_until_the_process_that_uses_it_ends(monkeypatch, capsys):
+    job = Path("job")
+    with held_by_another_process(job):
+        assert is_busy(job)
+        with pytest.raises(ConfigError, match="another process is using this folder"), locked(job):
+            pass
+        line = refused(monkeypatch, capsys, "train", *QUICK, f"hydra.run.dir={job}")
+        assert "another process is using this folder" in line and not (job / "config.yaml").exists()
     assert not is_busy(job)
     with locked(job), locked(job):
         assert not is_busy(job)
@@ -151,43 +148,41 @@ def test_a_folder_in_work_is_refused_until_its_process_dies(holder, monkeypatch,
     assert (job / "model_1.pt").is_file()
 
 
-def test_a_job_in_work_elsewhere_is_left_to_it(holder, capsys):
-    job, process = holder
-    (job / "status.yaml").write_text("state: running\nbegan: theirs\n")
-    run_job(lambda: pytest.fail("it ran"), job, to_log=False)
+def test_a_job_of_another_process_is_skipped(capsys):
+    job = Path("job")
+    with held_by_another_process(job):
+        (job / "status.yaml").write_text("state: running\nbegan: theirs\n")
+        run_job(lambda: pytest.fail("it ran"), job, to_log=False)
     assert "skipped" in capsys.readouterr().out
     assert status(job) == {"state": "running", "began": "theirs"}
 
 
-def test_a_sweep_names_the_job_that_another_process_has(monkeypatch, capsys):
+def test_a_sweep_names_the_job_of_another_process(monkeypatch, capsys):
     sweep = ["-m", "experiment=energy", *QUICK, "env.energy_weight=0,5", "seed=1"]
     first, second = (job.folder for job in check("train", TrainConfig, sweep).jobs)
-    first.mkdir(parents=True)
-    with (first / ".lock").open("ab") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        with pytest.raises(SystemExit) as stop:
-            call(monkeypatch, "train", *sweep)
-    told = capsys.readouterr().out
-    assert stop.value.code == 1 and "sweep: 1 of 2 jobs done" in told
-    assert f"failed: {first}: another process is running it" in told
+    with held_by_another_process(first), pytest.raises(SystemExit) as stop:
+        call(monkeypatch, "train", *sweep)
+    output = capsys.readouterr().out
+    assert stop.value.code == 1 and "sweep: 1 of 2 jobs done" in output
+    assert f"failed: {first}: another process is running it" in output
     assert not (first / "config.yaml").exists() and status(second)["state"] == "done"
     call(monkeypatch, "train", *sweep)
     assert "2 of 2 jobs done, 1 of them before" in capsys.readouterr().out
 
 
-def test_ctrl_c_in_a_job_leaves_its_state_and_its_lock(tmp_path):
-    def interrupted():
+def test_ctrl_c_in_a_job_keeps_its_state_and_releases_its_lock(tmp_path):
+    def interrupt():
         raise KeyboardInterrupt
 
     for before in ("done", "running"):
         yaml_files.write_yaml(tmp_path / before / "status.yaml", {"state": before})
         with pytest.raises(KeyboardInterrupt):
-            run_job(interrupted, tmp_path / before, to_log=True)
+            run_job(interrupt, tmp_path / before, to_log=True)
         assert status(tmp_path / before)["state"] == before and not is_busy(tmp_path / before)
 
 
 @pytest.mark.slow
-def test_an_interrupted_sweep_keeps_what_is_done():
+def test_an_interrupted_sweep_keeps_the_jobs_that_are_done():
     """Ctrl-C in the second of two jobs: the first stays done, and the same command does the second."""
     sweep = [sys.executable, "-m", "posture.train", "-m", "experiment=energy", *QUICK, "env.energy_weight=0,5", "seed=1"]
     long = [*(a for a in sweep if not a.startswith("max_iterations")), "max_iterations=1", "env.energy_weight=0"]

@@ -1,4 +1,4 @@
-"""What stands in a run's saved configuration is taken as values: nothing in it is executed, looked up or replaced."""
+"""A saved configuration is read as plain values: nothing in it is executed, looked up or replaced."""
 
 import os
 import shutil
@@ -9,7 +9,7 @@ from omegaconf import OmegaConf
 
 import envs.task.head_tracking
 from posture.config.errors import ConfigError
-from posture.storage.run_dir import PRETRAINED, read_config
+from posture.storage.run_dir import read_config
 from tests.commands import refused
 
 SECRET = "the-secret-of-the-environment"
@@ -21,12 +21,12 @@ COMMANDS = {
 
 @pytest.fixture
 def run(sound, tmp_path, monkeypatch):
-    """A copy of it, to be tampered with; a secret in the environment, and a resolver and a module that leave a trace."""
+    """A copy of a trained run, a secret in the environment, and a resolver and a module that leave a trace when used."""
 
-    def built(*_):
+    def fail(*_):
         raise AssertionError("physics was built")
 
-    monkeypatch.setattr(envs.task.head_tracking, "simulate", built)
+    monkeypatch.setattr(envs.task.head_tracking, "simulate", fail)
     monkeypatch.setenv("CANARY", SECRET)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "trap.py").write_text("from pathlib import Path\nPath('canary').touch()\nclass Trap: ...\n")
@@ -94,8 +94,8 @@ TEXTS = {
 }
 
 
-def tell(monkeypatch, capsys, command):
-    """The line that the command ends with, having left no trace."""
+def refused_without_a_trace(monkeypatch, capsys, command):
+    """The line with which the command ends, after a check that nothing was written."""
     before = sorted(os.listdir("run"))
     line = refused(monkeypatch, capsys, *COMMANDS[command])
     assert "config.yaml: " in line and SECRET not in line
@@ -109,8 +109,7 @@ def tamper(run, name):
     (run / "config.yaml").write_text(yaml.safe_dump(values))
 
 
-def refuse(run):
-    """What both commands begin with."""
+def check_refused(run):
     with pytest.raises(ConfigError) as refusal:
         read_config(run)
     line = str(refusal.value)
@@ -121,35 +120,35 @@ def refuse(run):
 @pytest.mark.parametrize("name", ["target", "class of the actor", "environment variable", "nested", "resolver", "defaults"])
 def test_a_tampered_configuration_ends_the_command(run, monkeypatch, capsys, command, name):
     tamper(run, name)
-    tell(monkeypatch, capsys, command)
+    refused_without_a_trace(monkeypatch, capsys, command)
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("name", ["call", "laughs"])
-def test_a_file_that_is_no_plain_configuration_ends_the_command(run, monkeypatch, capsys, command, name):
+def test_a_file_without_plain_values_ends_the_command(run, monkeypatch, capsys, command, name):
     (run / "config.yaml").write_text(TEXTS[name])
-    tell(monkeypatch, capsys, command)
+    refused_without_a_trace(monkeypatch, capsys, command)
 
 
 @pytest.mark.parametrize("name", TAMPERED)
 def test_a_tampered_configuration(run, name):
     tamper(run, name)
-    refuse(run)
+    check_refused(run)
 
 
 @pytest.mark.parametrize("name", TEXTS)
-def test_a_file_that_is_no_plain_configuration(run, name):
+def test_a_file_without_plain_values(run, name):
     (run / "config.yaml").write_text(TEXTS[name])
-    refuse(run)
+    check_refused(run)
 
 
-def test_bytes_that_are_no_text(run):
+def test_bytes_that_are_not_text(run):
     (run / "config.yaml").write_bytes(b"env: \xff\xfe")
-    refuse(run)
+    check_refused(run)
 
 
-def test_the_traps_work_where_they_are_let(run, tmp_path):
-    """What the files above would do, were they given to those who act on them."""
+def test_the_traps_work(run, tmp_path):
+    """The files above do harm when they are read without our checks."""
     trap = OmegaConf.create({"a": "${oc.env:CANARY}", "b": "${canary:}"})
     assert trap.a == SECRET and not (tmp_path / "canary").exists()
     assert trap.b is None and (tmp_path / "canary").exists()
@@ -163,13 +162,8 @@ def test_the_traps_work_where_they_are_let(run, tmp_path):
     assert (tmp_path / "canary").exists()
 
 
-def test_provenance_is_read_as_plain_values_too(run, monkeypatch, capsys):
+def test_provenance_is_read_as_plain_values(run, monkeypatch, capsys):
     for text in (TEXTS["call"], TEXTS["unclosed"], "hello"):
         (run / "provenance.yaml").write_text(text)
         assert "provenance.yaml: " in refused(monkeypatch, capsys, *COMMANDS["resume"])
     assert not os.path.exists("canary")
-
-
-def test_what_is_shipped_is_plain():
-    folders = [path.parent for path in PRETRAINED.glob("*/config.yaml")]
-    assert folders and all(read_config(folder).seed == 1 for folder in folders)

@@ -1,20 +1,15 @@
 """`python -m posture.theory`: tables, map and errors."""
 
-import csv
 import math
-import sys
 from pathlib import Path
 
 import pytest
-from hydra.core.global_hydra import GlobalHydra
-from hydra.core.hydra_config import HydraConfig
 
 from envs.body.segments import read_segments
-from posture.cli import entry
 from posture.config.theory import TheoryConfig
-from posture.theory.__main__ import theory
 from posture.theory.prediction import cop_binds, predict
 from posture.theory.tables import _steps
+from tests.commands import call, refused, table
 from tests.conftest import composed
 
 TINY = [
@@ -40,46 +35,34 @@ def _elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def call(monkeypatch, *arguments):
-    GlobalHydra.instance().clear()
-    HydraConfig.instance().cfg = None
-    monkeypatch.setattr(sys, "argv", ["posture.theory", *arguments])
-    entry.run("theory", TheoryConfig, theory)
-
-
-def read(path):
-    with path.open(newline="") as file:
-        return list(csv.DictReader(file))
-
-
 def test_tables_and_map(monkeypatch, capsys):
-    call(monkeypatch, *TINY, "out=here")
+    call(monkeypatch, "theory", *TINY, "out=here")
     printed = capsys.readouterr().out
     assert sorted(path.name for path in Path("here").iterdir()) == FILES
     assert Path("here/theory_map.png").read_bytes().startswith(b"\x89PNG")
     for title in ("Exp. 1: hip 125 Nm/rad, load 0 kg", "Exp. 3: 0.5 Hz", "Exp. 4b: 0.4 Hz", "Fig. 13"):
         assert title in printed
-    first, second = read(Path("here/experiment_1.csv"))
+    first, second = table(Path("here/experiment_1.csv"))
     assert (
         (first["least_mode"], second["least_mode"])
         == (first["paper_mode"], second["paper_mode"])
         == ("in-phase", "anti-phase")
     )
-    assert [row["load_kg"] for row in read(Path("here/experiment_4b.csv"))] == ["0", "4"]
-    soft, stiff = read(Path("here/figure_13.csv"))
+    assert [row["load_kg"] for row in table(Path("here/experiment_4b.csv"))] == ["0", "4"]
+    soft, stiff = table(Path("here/figure_13.csv"))
     assert soft["sinusoid_transition_hz"] == "nan" and float(stiff["sinusoid_transition_hz"]) == pytest.approx(
         0.68, abs=0.005
     )
     assert stiff["mode_at_0.05_hz"] == "in" and soft["mode_at_0.5_hz"] == "anti"
-    assert len(read(Path("here/around.csv"))) == 3  # a tolerance beyond the amplitude is left out
+    assert len(table(Path("here/around.csv"))) == 3  # a tolerance beyond the amplitude is left out
 
 
 def test_overrides_and_sweeps_make_a_folder_a_job(monkeypatch, capsys):
-    call(monkeypatch, "-m", *TINY, "env.hip_k=75,100", "env.load=2")
+    call(monkeypatch, "theory", "-m", *TINY, "env.hip_k=75,100", "env.load=2")
     jobs = sorted(Path("runs").glob("*/*/theory"))
     assert [job.parent.name[:2] for job in jobs] == ["0_", "1_"]
     for job, hip_k in zip(jobs, ("75", "100"), strict=True):
-        row = read(job / "experiment_1.csv")[0]
+        row = table(job / "experiment_1.csv")[0]
         assert (row["hip_k_nm_per_rad"], row["load_kg"]) == (hip_k, "2")
         assert row["paper_mode"] == "-"  # the paper's stander had no load
 
@@ -102,10 +85,7 @@ def test_overrides_and_sweeps_make_a_folder_a_job(monkeypatch, capsys):
     ],
 )
 def test_bad_input_gets_one_line(monkeypatch, capsys, arguments, expected):
-    with pytest.raises(SystemExit) as stop:
-        call(monkeypatch, *arguments)
-    (line,) = (line for line in capsys.readouterr().err.strip().splitlines() if "Warp" not in line)
-    assert stop.value.code == 2 and line.startswith("error: ")
+    line = refused(monkeypatch, capsys, "theory", *arguments)
     assert [part for part in expected if part not in line] == []
 
 

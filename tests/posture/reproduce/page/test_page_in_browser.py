@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from posture.reproduce.page.page import Commands, Figure, Section, Table, Text, Verdict, html
+from posture.reproduce.claims.rules import Outcome
+from posture.reproduce.page.page import Figure, Section, Table, html
 from tests.posture.reproduce.page.test_page import png
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="the Playwright package is not installed")
@@ -42,11 +43,11 @@ def synthetic(folder: Path) -> Path:
     columns = 17
     headings = [f"quantity_{i} [Nm/rad]" for i in range(columns)]
     table = Table(headings, [["-0.123"] * columns] * 10, "A long caption. " * 20, "l" + "r" * (columns - 1))
-    verdicts = Table(["claim", "verdict"], [["Some claim of several words. " * 4, verdict] for verdict in Verdict], "Claims")
+    verdicts = Table(["claim", "verdict"], [["Some claim of several words. " * 4, verdict] for verdict in Outcome], "Claims")
     sections = [
-        Section("Text and tables", "text", [Text("Prose with [a link](#figures). " * 60), verdicts, table]),
-        Section("Text" * 40, "figures", [Text("x" * 300 + f" `{'y' * 200}`")]),
-        Section("Commands", "commands", [Commands(["python -m posture.train " + "env.hip_k=60 " * 30])]),
+        Section("Text and tables", "text", ["Prose with [a link](#figures). " * 60, verdicts, table]),
+        Section("Text" * 40, "figures", ["x" * 300 + f" `{'y' * 200}`"]),
+        Section("Commands", "commands", ["```sh\npython -m posture.train " + "env.hip_k=60 " * 30 + "\n```"]),
     ]
     for i, size in enumerate([(975, 825), (2000, 300), (40, 900)]):
         figure = Figure(png(folder / f"{i}.png", *size), "a grey area", "A long caption. " * 30)

@@ -1,71 +1,58 @@
-"""Results of different code or versions on one page: never unsaid."""
+"""Trainings that differ in code or versions, and results that were left out, are named."""
 
-from pathlib import Path
+from dataclasses import replace
 
 import pytest
 
-from posture.cli.jobs import Job, check
-from posture.config.train import TrainConfig
-from posture.reproduce.page.provenance import left_out, mixed
-from posture.reproduce.results import strangers
-from posture.storage import yaml_files
-from tests.commands import TINY
-
-NAMES = ("seed-1", "seed-2", "seed-3", "seed-4", "seed-5")
-VERSIONS = {"newton": "1.8.0", "torch": "2.13.0"}
+from posture.reproduce.page.provenance import how_it_was_made, training_table, warnings
+from posture.reproduce.reproduction import Training
 
 
-@pytest.fixture
-def jobs(tmp_path, monkeypatch):
-    """Five trainings that are done, each started once by the same code and versions."""
-    monkeypatch.chdir(tmp_path)
-    (one,) = check("train", TrainConfig, TINY).jobs
-    made = [Job(one.config, Path("runs/frequency") / name) for name in NAMES]
-    for job in made:
-        folder(job.folder, {"training_code": "aaaa", "versions": VERSIONS})
-    return made
+def start(code: str = "aaaa", newton: str = "1.8.0") -> dict[str, object]:
+    about = {"platform": "Linux", "python": "3.11.7", "git_commit": "c0de", "started": "2026-11-25T10:00:00"}
+    return {**about, "training_code": code, "versions": {"newton": newton, "torch": "2.13.0"}}
 
 
-def folder(path, *starts):
-    path.mkdir(parents=True, exist_ok=True)
-    yaml_files.write_yaml(path / "status.yaml", {"state": "done"})
-    yaml_files.write_yaml(path / "provenance.yaml", list(starts))
-    (path / "config.yaml").write_text("{}")
-    (path / "model_2.pt").write_text("")
+TRAININGS = [Training("frequency", f"seed-{seed}", seed, True, 1800.0, [start()]) for seed in range(1, 6)]
 
 
-def test_trainings_alike_need_no_warning(jobs):
-    assert mixed(jobs) == ""
+def with_starts(place: int, *starts: dict[str, object]) -> list[Training]:
+    changed = list(TRAININGS)
+    changed[place] = replace(changed[place], starts=list(starts))
+    return changed
 
 
-def test_other_code_is_named_with_its_trainings(jobs):
-    folder(jobs[1].folder, {"training_code": "bbbb", "versions": VERSIONS})
-    told = mixed(jobs)
-    assert "mixed" in told and "`aaaa` in 4 trainings" in told and "`bbbb` in 1 trainings (seed-2)" in told
-    assert "newton" not in told
+@pytest.mark.parametrize(
+    ("trainings", "text"),
+    [
+        (with_starts(1, start("bbbb")), "the learner: `aaaa` in 4 trainings, `bbbb` in 1 training (seed-2). "),
+        (with_starts(4, start(newton="1.9.0")), "in newton: `1.8.0` in 4 trainings, `1.9.0` in 1 training (seed-5). "),
+        # Resumed by other code.
+        (with_starts(0, start(), start("bbbb")), "`aaaa` in 5 trainings, `bbbb` in 1 training (seed-1). "),
+    ],
+)
+def test_trainings_that_differ_are_named(trainings: list[Training], text: str) -> None:
+    (warning,) = warnings(trainings, [])
+    assert warning.startswith("**These results are mixed:**") and text in warning and "torch" not in warning
 
 
-def test_other_physics_is_named_with_its_trainings(jobs):
-    folder(jobs[4].folder, {"training_code": "aaaa", "versions": VERSIONS | {"newton": "1.9.0"}})
-    told = mixed(jobs)
-    assert "newton: `1.8.0` in 4 trainings, `1.9.0` in 1 trainings (seed-5)" in told
-    assert "torch" not in told and "code of the task" not in told
+def test_no_warning_without_differences() -> None:
+    assert warnings(TRAININGS, []) == []
+    earlier = start() | {"training_code": None, "envs_version": "aaaa"}  # a training of an earlier version
+    assert warnings(with_starts(0, earlier), []) == []
+    unfinished = replace(TRAININGS[1], done=False, starts=[start("bbbb")])
+    assert warnings([*TRAININGS, unfinished], []) == []
 
 
-def test_a_training_resumed_by_other_code_is_mixed_in_itself(jobs):
-    folder(jobs[0].folder, *({"training_code": code, "versions": VERSIONS} for code in ("aaaa", "bbbb")))
-    assert "`aaaa` in 5 trainings, `bbbb` in 1 trainings (seed-1)" in mixed(jobs)
+def test_results_left_out_are_named() -> None:
+    (warning,) = warnings(TRAININGS, ["runs/frequency/seed-1_older"])
+    assert "1 (`runs/frequency/seed-1_older`)" in warning
 
 
-def test_one_that_is_not_done_does_not_count(jobs):
-    folder(jobs[1].folder, {"training_code": "bbbb", "versions": VERSIONS})
-    yaml_files.write_yaml(jobs[1].folder / "status.yaml", {"state": "running"})
-    assert mixed(jobs) == ""
-
-
-def test_runs_of_other_code_beside_the_jobs_are_left_out_by_name(jobs):
-    assert strangers(jobs) == [] and left_out([]) == ""
-    folder(Path("runs/frequency/seed-1_older"))
-    found = [str(run) for run in strangers(jobs)]
-    assert found == ["runs/frequency/seed-1_older"]
-    assert "1 (runs/frequency/seed-1_older)" in left_out(found)
+def test_trainings_and_their_origin() -> None:
+    trainings = [*TRAININGS, Training("energy", "gamma-0", 1)]
+    rows = [["frequency", "5 of 5", "1, 2, 3, 4, 5", "2.5"], ["energy", "0 of 1", "-", "0.0"]]
+    assert training_table(trainings).rows == rows
+    text = how_it_was_made(trainings, ["python -m posture.train"])
+    assert "on Linux, Python 3.11.7, with newton 1.8.0, torch 2.13.0" in text
+    assert "```sh\npython -m posture.train\n```" in text

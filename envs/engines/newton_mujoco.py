@@ -1,7 +1,6 @@
 """N standers in Newton's SolverMuJoCo (MuJoCo Warp), the full three-dimensional body: the reference.
 
-The state is Newton's own memory, seen through named torch views without a copy: what is written to a view is what the
-solver steps from.
+The tensors are torch views of Newton's arrays, without a copy: writing to them changes the state of the solver.
 """
 
 import math
@@ -17,12 +16,12 @@ from newton.solvers import SolverMuJoCo
 from envs.body.joints import ANKLES, BODIES, FEET, HIPS, JOINTS
 from envs.body.model import build_model, geometry
 from envs.config import EnvConfig
-from envs.engines.interface import ConstraintOverflowError, check_subject, top_speed
+from envs.engines.interface import ConstraintOverflowError, Simulation, top_speed
 
 _ROOT_Q, _ROOT_QD = 7, 6
 """Coordinates and velocities of the free root joint ahead of the hinges."""
 _DROPPED = int(OverflowType.NEFC | OverflowType.NJMAX_NNZ | OverflowType.BROADPHASE | OverflowType.NARROWPHASE)
-"""Of MuJoCo Warp's flags those that mean a lost contact or constraint; the others report an iteration limit."""
+"""Those of MuJoCo Warp's flags that report a dropped contact or constraint; the others report an iteration limit."""
 
 
 @wp.kernel
@@ -36,9 +35,9 @@ def _note_dropped(
     most_rows: wp.array[wp.int32],
     most_contacts: wp.array[wp.int32],
 ) -> None:
-    """Remember what a substep had to drop, and the most it asked for; the solver itself forgets it at the next.
+    """Keep what a substep dropped and the largest size it needed; the solver clears both at the next substep.
 
-    MuJoCo Warp counts on where it stores no more. Contacts, and the pairs of geoms before them, are those of all worlds.
+    MuJoCo Warp goes on counting beyond its capacity. Contacts and pairs of geoms are counted over all worlds.
     """
     world = wp.tid()
     dropped[world] = dropped[world] | (overflow[world] & mask)
@@ -62,13 +61,13 @@ def _sort_sole_forces(
     wrench: wp.array[wp.spatial_vector],
     geom_foot: wp.array[wp.int32],
     foot_body: wp.array[wp.int32],
-    body_place: wp.array2d[wp.vec3],
-    body_turn: wp.array2d[wp.mat33],
+    body_position: wp.array2d[wp.vec3],
+    body_rotation: wp.array2d[wp.mat33],
     mid_x: float,
     force: wp.array3d[wp.vec3],
     position: wp.array3d[wp.vec3],
 ) -> None:
-    """Ground-on-sole force of each contact into its place (world, foot, heel or toe); a place holds one contact at most."""
+    """Ground-on-sole force of each contact by world, foot, and heel or toe, of which each has at most one contact."""
     i = wp.tid()
     if i >= num_contacts[0]:
         return
@@ -77,14 +76,14 @@ def _sort_sole_forces(
     foot = geom_foot[contact_geom[i][1]]
     body = foot_body[foot]
     # Contacts are those of the pose at the start of the substep, which MuJoCo keeps.
-    local = wp.transpose(body_turn[world, body]) * (contact_position[i] - body_place[world, body])
+    local = wp.transpose(body_rotation[world, body]) * (contact_position[i] - body_position[world, body])
     end = wp.where(local[0] > mid_x, 1, 0)
     force[world, foot, end] = wp.spatial_top(wrench[i])
     position[world, foot, end] = local
 
 
-class SpatialSimulation:
-    """The `Simulation` of the full body. Its tensors are views of the state: what is written there is stepped from."""
+class NewtonMujocoSimulation(Simulation):
+    """The `Simulation` of the full body; its tensors are views of the state."""
 
     def __init__(self, config: EnvConfig, num_worlds: int, device: str) -> None:
         self.config = config
@@ -100,10 +99,10 @@ class SpatialSimulation:
             ls_iterations=config.solver.ls_iterations,
             njmax=config.solver.constraint_rows,
             nconmax=config.solver.contacts,
-            # A weld to hold the root still is never wanted here, and would cost six rows of every solve.
+            # Avoids a weld of the root, which is not needed here and would add six rows to every solve.
             kinematic_switchable_roots=False,
         )
-        # Dropped contacts are raised by `check_capacity`; lines printed from inside the solver would only repeat it.
+        # `check_capacity` reports dropped contacts; the solver need not print them as well.
         self._solver.mjw_model.opt.warn_overflow = 0
         self._state = self.model.state()
         self._control = self.model.control()
@@ -111,8 +110,8 @@ class SpatialSimulation:
         newton.eval_fk(self.model, self._state.joint_q, self._state.joint_qd, self._state)
         self._make_views()
         self._make_sole_sensor()
-        places = (self._joint_q, self._joint_qd, self.body_pose, self.body_velocity)
-        self._shown = (*places, self.joint_force, self.sole_force, self.sole_position)
+        coordinates = (self._joint_q, self._joint_qd, self.body_pose, self.body_velocity)
+        self._outputs = (*coordinates, self.joint_force, self.sole_force, self.sole_position)
         self._top_speed = top_speed(config)
         self._nominal_mass = self._per_world(self.model.body_mass).clone()
         self.hip_k = torch.full((num_worlds,), config.hip_k, device=self.device)
@@ -122,16 +121,14 @@ class SpatialSimulation:
             self.set_subject(load=torch.full((num_worlds,), config.load))
         self._graph: Any = None
 
-    # -- what happens to it ------------------------------------------------------------------------------------------
-
     def step(self, torque: torch.Tensor) -> None:
         """See `Simulation`."""
-        before = [shown.clone() for shown in self._shown]
+        before = [output.clone() for output in self._outputs]
         self._launch(torque)
-        speed, place = self._joint_qd, self._joint_q
-        self._diverged.copy_(~((speed.abs() < self._top_speed).all(-1) & place.isfinite().all(-1)))
-        for shown, kept in zip(self._shown, before, strict=True):
-            shown.copy_(torch.where(self._diverged.view(-1, *[1] * (shown.dim() - 1)), kept, shown))
+        slow = (self._joint_qd.abs() < self._top_speed).all(-1)
+        self.diverged.copy_(~(slow & self._joint_q.isfinite().all(-1)))
+        for output, kept in zip(self._outputs, before, strict=True):
+            output.copy_(torch.where(self.diverged.view(-1, *[1] * (output.dim() - 1)), kept, output))
 
     def _launch(self, torque: torch.Tensor) -> None:
         """The control step itself, on a GPU as a graph that the first call captures."""
@@ -141,7 +138,7 @@ class SpatialSimulation:
             return
         stream = wp.stream_from_torch(torch.cuda.current_stream(self.device))
         if self._graph is None:
-            # The first step compiles and allocates, which cannot be captured; the state is kept so that it counts once.
+            # The first step compiles and allocates, which cannot be captured; afterwards the state is restored.
             before = self.state_dict()
             with wp.ScopedStream(stream):
                 self._advance()
@@ -159,43 +156,13 @@ class SpatialSimulation:
         newton.eval_fk(self.model, self._state.joint_q, self._state.joint_qd, self._state, mask=self._reset_articulations)
         for sensor in (self.sole_force, self.sole_position, self.joint_force):
             sensor[mask] = 0.0
-        self._diverged[mask] = False
-
-    def set_subject(
-        self,
-        hip_k: torch.Tensor | None = None,
-        ankle_k: torch.Tensor | None = None,
-        load: torch.Tensor | None = None,
-    ) -> None:
-        """See `Simulation`."""
-        check_subject(self.num_worlds, hip_k=hip_k, ankle_k=ankle_k, load=load)
-        for name, value in (("hip_k", hip_k), ("ankle_k", ankle_k), ("load", load)):
-            if value is not None:
-                getattr(self, name).copy_(value)
-        if hip_k is not None or ankle_k is not None:
-            stiffness = self._per_world(self.model.joint_stiffness)[:, _ROOT_QD:]
-            stiffness[:, HIPS] = self.hip_k[:, None]
-            stiffness[:, ANKLES] = self.ankle_k[:, None]
-            self._solver.notify_model_changed(newton.ModelFlags.JOINT_DOF_FORCE_PROPERTIES)
-        if load is not None:
-            hat = BODIES.index("hat")
-            mass = self._per_world(self.model.body_mass)
-            mass[:, hat] = self._nominal_mass[:, hat] + self.load
-            self._per_world(self.model.body_inv_mass)[:, hat] = 1.0 / mass[:, hat]
-            self._solver.notify_model_changed(newton.ModelFlags.BODY_INERTIAL_PROPERTIES)
-
-    # -- what can be read --------------------------------------------------------------------------------------------
-
-    @property
-    def diverged(self) -> torch.Tensor:
-        """See `Simulation`. What the solver carries inside may be NaN: only a reset heals such a world."""
-        return self._diverged
+        self.diverged[mask] = False
 
     def check_capacity(self) -> None:
         """See `Simulation`."""
         if not bool(self._dropped.any()):
             return
-        # What the solver has room for; it makes room for the start pose whatever was asked.
+        # The solver's own capacity, which is at least that of the start pose.
         most = {
             "constraint_rows": (self._data.njmax, int(self._most_rows.max())),
             "contacts": (
@@ -207,22 +174,23 @@ class SpatialSimulation:
         count = int((self._dropped != 0).sum())
         raise ConstraintOverflowError(f"contacts or constraints were dropped in {count} worlds: {'; '.join(short)}")
 
-    def state_dict(self) -> dict[str, torch.Tensor]:
-        """See `Simulation`."""
-        return {name: tensor.clone() for name, tensor in self._persistent().items()}
-
-    def load_state_dict(self, state: dict[str, torch.Tensor]) -> None:
-        """See `Simulation`."""
-        subject = {name: state[name] for name in ("hip_k", "ankle_k", "load")}
-        self.set_subject(**subject)
-        for name, tensor in self._persistent().items():
-            if name not in subject:
-                tensor.copy_(state[name])
+    def _restore(self, state: dict[str, torch.Tensor]) -> None:
         newton.eval_fk(self.model, self._state.joint_q, self._state.joint_qd, self._state)
-        # The step that a world diverged in left its mark in what the solver would start from.
-        self._diverged.copy_(~self._warmstart.isfinite().all(-1))
+        # A step in which a world diverged leaves values that are not finite in the solver's warm start.
+        self.diverged.copy_(~self._warmstart.isfinite().all(-1))
 
-    # -- inside ------------------------------------------------------------------------------------------------------
+    def _apply_stiffness(self) -> None:
+        stiffness = self._per_world(self.model.joint_stiffness)[:, _ROOT_QD:]
+        stiffness[:, HIPS] = self.hip_k[:, None]
+        stiffness[:, ANKLES] = self.ankle_k[:, None]
+        self._solver.notify_model_changed(newton.ModelFlags.JOINT_DOF_FORCE_PROPERTIES)
+
+    def _apply_load(self) -> None:
+        hat = BODIES.index("hat")
+        mass = self._per_world(self.model.body_mass)
+        mass[:, hat] = self._nominal_mass[:, hat] + self.load
+        self._per_world(self.model.body_inv_mass)[:, hat] = 1.0 / mass[:, hat]
+        self._solver.notify_model_changed(newton.ModelFlags.BODY_INERTIAL_PROPERTIES)
 
     def _advance(self) -> None:
         dt = self.config.control_dt / self.config.solver.substeps
@@ -286,10 +254,10 @@ class SpatialSimulation:
         self._dropped = wp.to_torch(self._dropped_wp)
         self._most_rows_wp, self._most_contacts_wp = wp.zeros_like(self._dropped_wp), wp.zeros_like(self._dropped_wp)
         self._most_rows, self._most_contacts = wp.to_torch(self._most_rows_wp), wp.to_torch(self._most_contacts_wp)
-        self._diverged = torch.zeros(self.num_worlds, dtype=torch.bool, device=self.device)
+        self.diverged = torch.zeros(self.num_worlds, dtype=torch.bool, device=self.device)
         self._joint_force_wp = wp.zeros((self.num_worlds, len(JOINTS)), dtype=float, device=self.model.device)
         self.joint_force = wp.to_torch(self._joint_force_wp)
-        # Newton's mask has one place more than there are worlds, for what belongs to none.
+        # Newton's mask has one more element than there are worlds, for what belongs to no world.
         self._reset_mask = torch.zeros(self.num_worlds + 1, dtype=torch.bool, device=self.device)
         self._reset_mask_wp = wp.from_torch(self._reset_mask, dtype=wp.bool)
         self._reset_articulations = self._reset_mask_wp[: self.num_worlds]
@@ -310,11 +278,11 @@ class SpatialSimulation:
             foot = name.replace("sole", "foot")
             geom_foot.append(FEET.index(foot) if name.startswith("sole") else -1)
         self._geom_foot = wp.array(geom_foot, dtype=wp.int32, device=device)
-        # MuJoCo counts the world as its first body.
+        # The world is MuJoCo's first body.
         self._foot_body = wp.array([1 + BODIES.index(foot) for foot in FEET], dtype=wp.int32, device=device)
         self._mid_x = 0.5 * (self.geometry.heel_x + self.geometry.toe_x)
 
-    def _persistent(self) -> dict[str, torch.Tensor]:
+    def _saved(self) -> dict[str, torch.Tensor]:
         return {
             "joint_q": self._joint_q,
             "joint_qd": self._joint_qd,

@@ -1,0 +1,200 @@
+"""Read what the jobs of every experiment left in their folders, and compute the theory beside it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from envs.body.model import MJCF
+from envs.body.segments import read_segments
+from envs.config import EnvConfig
+from posture.analysis.results import NO_REWARD, Result, RewardOptimum, read_csv
+from posture.analysis.trajectory import Trajectory
+from posture.cli.jobs import Job
+from posture.cli.sweep import fraction_done
+from posture.config.eval import EnvChanges, EvalConfig, EvaluationConfig
+from posture.config.published import Published
+from posture.config.train import TrainConfig
+from posture.evaluation.trial import AS_TRAINED, is_current, origin
+from posture.learning.resume import training_seconds
+from posture.reproduce.claims.verdict import Transitions
+from posture.reproduce.reproduction import Body, Reproduction, Traces, Training
+from posture.storage import run_dir, yaml_files
+from posture.theory.motion import motion_indices
+from posture.theory.program import InfeasibleError
+from posture.theory.reward_optimum import reward_optimum
+from posture.theory.stander import linearise
+from posture.theory.transition import bound_transition, reward_transition, sinusoid_transition
+
+WITH_REWARD_OPTIMUM = ("frequency", "energy", "load", "hip_stiffness")
+"""Experiments whose results are compared with the optimum of the trained reward, too."""
+
+
+def collect(
+    trained: Mapping[str, Sequence[Job]],
+    evaluated: Mapping[str, Sequence[Job]],
+    search: tuple[float, float],
+    paper: Published,
+) -> Reproduction:
+    """Read the results of the jobs that are done, by experiment; at least one policy of Exp. 1 must be.
+
+    The jobs `trained` train policies, the jobs `evaluated` take those of Exp. 1. Left out, and named, are runs in the same
+    sweeps that none of these jobs made, and evaluations by other code or under other conditions. `search`: where theory's
+    transitions are looked for [Hz].
+    """
+    done = {name: [job for job in jobs if fraction_done(job) >= 1] for name, jobs in trained.items()}
+    policies = done["frequency"]
+    run = _config(policies[0])
+    left_out = [str(folder) for jobs in trained.values() for folder in other_runs(jobs)]
+    results = {name: [result for job in jobs for result in _of_training(job, left_out)] for name, jobs in done.items()}
+    for name, trials in evaluated.items():
+        results[name] = [result for job in policies for trial in trials for result in _of_trial(trial, job, left_out)]
+    # Exp. 3 is compared at one frequency only: each optimum takes half a second.
+    at_one = {"hip_stiffness": paper.experiment_3.freq_hz}
+    for name in WITH_REWARD_OPTIMUM:
+        results[name] = _with_reward_optimum(results.get(name, []), run, at_one.get(name))
+    (ramp,) = evaluated["ramp"]
+    return Reproduction(
+        results={name: found for name, found in results.items() if found},
+        traces=_traces(policies[0], evaluated),
+        transitions=theory_transitions(run, search),
+        body=read_body(run.env),
+        trainings=[_training(name, job) for name, jobs in trained.items() for job in jobs],
+        run=run,
+        left_out=left_out,
+        ramp_start=_ramp_start(ramp),
+    )
+
+
+def other_runs(jobs: Sequence[Job]) -> list[Path]:
+    """Runs with a checkpoint in the sweeps of `jobs` that are none of them: of other physics or another configuration."""
+    own = {job.folder for job in jobs}
+    sweeps = sorted({folder.parent for folder in own if folder.parent.is_dir()})
+    return [run for sweep in sweeps for run in run_dir.runs_in(sweep) if run not in own and run_dir.newest_model(run)]
+
+
+def theory_transitions(run: TrainConfig, search: tuple[float, float]) -> Transitions:
+    """The frequencies at which the modes of the linear stander of `run` switch."""
+    tolerance = run.evaluation.tolerance
+    stander = linearise(read_segments(run.env), run.env)
+    least = bound_transition(stander, run.env.amplitude, tolerance, search)
+    reward = reward_transition(stander, run.env, tolerance, search)
+    sinusoid = sinusoid_transition(stander, search)
+    return Transitions(*(math.nan if hz is None else hz for hz in (least, reward, sinusoid)))
+
+
+def read_body(env: EnvConfig) -> Body:
+    """Read the body from its MJCF file."""
+    model = mujoco.MjModel.from_xml_path(str(MJCF))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    hip, ankle = (np.degrees(model.joint(f"{name}_left").range) for name in ("hip", "ankle"))
+    foot = read_segments(env)
+    return Body(
+        mass=float(model.body_mass.sum()),
+        height=float(data.geom("head").xpos[2] + model.geom("head").size[0]),
+        com=np.array(data.subtree_com[model.body("hat").id]),
+        hip_range=hip,
+        ankle_range=ankle,
+        foot_span=(foot.heel_x, foot.toe_x),
+    )
+
+
+def _config(job: Job) -> TrainConfig:
+    assert isinstance(job.config, TrainConfig)
+    return job.config
+
+
+def _trial(job: Job) -> EvalConfig:
+    assert isinstance(job.config, EvalConfig)
+    return job.config
+
+
+def _ramp_start(job: Job) -> float:
+    ramp = _trial(job).env.ramp
+    assert ramp is not None
+    return ramp.start
+
+
+def _training(experiment: str, job: Job) -> Training:
+    name, seed = job.folder.name, _config(job).seed
+    if fraction_done(job) < 1:
+        return Training(experiment, name, seed)
+    starts = yaml_files.read_yaml(job.folder / "provenance.yaml") or []
+    return Training(experiment, name, seed, True, training_seconds(job.folder), starts)
+
+
+def _of_training(job: Job, left_out: list[str]) -> list[Result]:
+    """The results of a training's own evaluation."""
+    run = _config(job)
+    return _read(job, job.folder / "evaluation", run.evaluation, AS_TRAINED, run.device, left_out)
+
+
+def _of_trial(trial: Job, job: Job, left_out: list[str]) -> list[Result]:
+    """The results of the policy that `job` trained, in the evaluation `trial`."""
+    config = _trial(trial)
+    return _read(job, trial.folder / job.folder.name, config.evaluation, config.env, config.device, left_out)
+
+
+def _read(
+    job: Job, out: Path, evaluation: EvaluationConfig, changes: EnvChanges, device: str, left_out: list[str]
+) -> list[Result]:
+    """The results in `out`; none if they are of other conditions, another policy or other code: `out` joins `left_out`."""
+    model, run = run_dir.newest_model(job.folder), _config(job)
+    if model is None or not is_current(out, model, run, evaluation, changes, device):
+        if (out / "metrics.csv").exists():
+            left_out.append(str(out))
+        return []
+    return [replace(result, origin=origin(run, changes, job.folder.name)) for result in read_csv(out / "metrics.csv")]
+
+
+def _with_reward_optimum(results: Sequence[Result], run: TrainConfig, freq: float | None) -> list[Result]:
+    """`results` with the optimum of the trained reward (posture/theory/reward_optimum.py), only at `freq` [Hz] if given."""
+    body = read_segments(run.env)
+
+    @cache
+    def optimum(freq: float, **changes: float) -> RewardOptimum:
+        env = EnvConfig.model_validate(run.env.model_dump() | changes)
+        if env.energy_weight == 0:
+            return NO_REWARD
+        try:
+            motion = reward_optimum(linearise(body, env), freq, env, run.evaluation.tolerance)
+        except InfeasibleError:
+            return NO_REWARD
+        found = motion_indices(motion, run.evaluation.duration)
+        return RewardOptimum(found.hip_ankle_r, found.cost, found.energy_j)
+
+    def changes(result: Result) -> dict[str, Any]:
+        own = result.origin
+        varied = {"energy_weight": own.energy_weight, "amplitude": own.amplitude_m}
+        return {"hip_k": result.hip_k_nm_per_rad, "load": result.load_kg, **varied}
+
+    return [
+        replace(result, reward=optimum(result.freq_hz, **changes(result)))
+        if freq is None or math.isclose(result.freq_hz, freq)
+        else result
+        for result in results
+    ]
+
+
+def _traces(first: Job, evaluated: Mapping[str, Sequence[Job]]) -> Traces:
+    """Trajectories of the policy of the job `first` of Exp. 1."""
+    load = {_trial(job).env.load: _trajectory(job.folder / first.folder.name) for job in evaluated["load"]}
+    (ramp,) = evaluated["ramp"]
+    return Traces(
+        frequency=_trajectory(first.folder / "evaluation"),
+        ramp=_trajectory(ramp.folder / first.folder.name),
+        load={kg: trajectory for kg, trajectory in load.items() if kg is not None and trajectory is not None},
+    )
+
+
+def _trajectory(folder: Path) -> Trajectory | None:
+    file = folder / "trajectories.npz"
+    return Trajectory.read(file) if file.exists() else None

@@ -1,0 +1,66 @@
+"""What a reproduction has reached: the data that verdicts, figures and the page are made from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from posture.analysis.results import Result
+from posture.analysis.trajectory import Array, Trajectory
+from posture.config.train import TrainConfig
+from posture.reproduce.claims.verdict import Transitions
+
+
+@dataclass(frozen=True)
+class Training:
+    """A training of an experiment, done or not. starts: the entries of its provenance.yaml, one for each start."""
+
+    experiment: str
+    name: str
+    seed: int
+    done: bool = False
+    seconds: float = 0.0
+    starts: list[dict[str, Any]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Traces:
+    """Trajectories of the first seed: Exp. 1 (a world for each frequency), the ramp, and each load [kg]."""
+
+    frequency: Trajectory | None = None
+    ramp: Trajectory | None = None
+    load: dict[float, Trajectory] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """The body as simulated, without load.
+
+    mass [kg], height [m]. com: centre of mass at rest [m], (3,). hip_range, ankle_range: lower and upper limit [deg], (2,).
+    foot_span: rear and front end of ground contact in the foot frame [m].
+    """
+
+    mass: float
+    height: float
+    com: Array
+    hip_range: Array
+    ankle_range: Array
+    foot_span: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """All that was reached.
+
+    results: by experiment, one for each seed and condition. run: configuration of the first policy of Exp. 1. left_out:
+    folders with results of other code, another configuration or another policy. ramp_start: first frequency of Exp. 4a [Hz].
+    """
+
+    results: dict[str, list[Result]]
+    traces: Traces
+    transitions: Transitions
+    body: Body
+    trainings: list[Training]
+    run: TrainConfig
+    left_out: list[str]
+    ramp_start: float

@@ -1,0 +1,52 @@
+"""The tables of the report, and the numbers in its text."""
+
+import math
+from dataclasses import replace
+
+from posture.analysis.results import NO_LEAST, RampTransitions
+from posture.cli.jobs import check
+from posture.config.train import TrainConfig
+from posture.reproduce.page.page import Table
+from posture.reproduce.page.report import numbers_in_text
+from posture.reproduce.page.tables import energy_table, engine_table, mode_table, ramp_table
+from posture.reproduce.page.text import FIGURES, HOW_TO_READ
+from tests.posture.reproduce.examples import PAPER, TEN, changed, fallen, frequency_result, paper_results, result, with_r
+
+EXAMPLE = paper_results()
+
+
+def cells(table: Table, heading: str) -> list[str]:
+    return [row[list(table.headings).index(heading)] for row in table.rows]
+
+
+def test_falls_are_counted_and_the_mode_of_a_few_is_not_named() -> None:
+    results = changed(EXAMPLE["frequency"], fallen, lambda t: t.freq_hz == 1.5 and t.origin.seed > 1)
+    results = changed(results, with_r(-0.4), lambda t: t.freq_hz == 0.15 and t.origin.seed == 1)
+    table = mode_table(results, PAPER.table_3)
+    assert cells(table, "stood") == ["3/3"] * 14 + ["1/3"]
+    assert cells(table, "mode")[0] == "in-phase (1 of 3 not)" and cells(table, "mode")[-1] == "no mode"
+    energy = changed(EXAMPLE["energy"], fallen, lambda t: t.origin.seed == 3)
+    assert set(cells(energy_table(energy, PAPER.table_4), "stood")) == {"2/3"}
+
+
+def test_tables_without_theory_and_cost() -> None:
+    results = [replace(frequency_result(hz, seed), least=NO_LEAST, cost_ratio=math.nan) for hz in TEN for seed in (1, 2)]
+    table = mode_table(results, PAPER.table_3)
+    assert set(cells(table, "cost / least")) == set(cells(table, "least-torque r")) == {"-"}
+    results = changed(results, with_r(0.5), lambda t: t.freq_hz == 1.5 and t.origin.seed == 2)
+    last = engine_table(results).rows[-1]
+    assert last[0] == "switch [Hz]" and last[1].endswith("(none in 1 of 2)")
+    ramp = [result(ramp=RampTransitions(0.7, 3, math.nan, math.nan))]
+    assert list(ramp_table(ramp, PAPER.experiment_4a).rows[0]) == ["seed 1", "0.70", "3", "-", "-"]
+
+
+def test_numbers_in_the_text_are_those_of_the_configuration() -> None:
+    (job,) = check("train", TrainConfig, ["env.amplitude=0.15", "evaluation.tolerance=0.03", "evaluation.duration=50"]).jobs
+    assert isinstance(job.config, TrainConfig)
+    numbers = numbers_in_text(job.config, PAPER)
+    intro = HOW_TO_READ.format(**numbers)
+    assert "over 0.3 m" in intro and "within 30 mm" in intro
+    texts = {name: " ".join(text.format(**numbers) for text in pair) for name, pair in FIGURES.items()}
+    assert "0.036 Hz/s" in texts["figure_10"] and "300 steps" in texts["figure_10"]
+    assert "0.4 Hz; energy during 50 s" in texts["figure_8"] and "0.5 Hz" in texts["figure_9"]
+    assert "4 kg" in texts["figure_11"] and "0.4 Hz" in texts["figure_12"]

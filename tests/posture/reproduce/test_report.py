@@ -1,0 +1,183 @@
+"""From the folders that jobs leave to verdicts and the page, with made-up results whose answer is known."""
+
+import csv
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from posture.analysis.results import NO_ORIGIN, NO_REWARD, Result, write_csv
+from posture.analysis.trajectory import Trajectory
+from posture.cli.jobs import Job, check
+from posture.config.eval import EvalConfig
+from posture.config.reproduce import ReproduceConfig
+from posture.config.train import TrainConfig
+from posture.evaluation import trial
+from posture.reproduce import __main__ as command
+from posture.reproduce import collect
+from posture.storage import checkpoint, provenance, yaml_files
+from tests.posture.reproduce.examples import PAPER, REPORT, TRANSITIONS, paper_results, steady, swept
+from tests.posture.reproduce.page.test_page import Reader
+
+RESULTS = paper_results(seeds=2)
+
+
+def make_plan() -> command.Plan:
+    """The jobs of every experiment, two of three seeds wanted; a configuration is composed once for each experiment."""
+
+    def vary(name: str, key: str, values: Iterable[object]) -> list[Job]:
+        """The jobs that a sweep of `env.<key>` has, and for trainings of three seeds."""
+        command_name, kind = ("train", TrainConfig) if name in command.TRAININGS else ("eval", EvalConfig)
+        (job,) = check(command_name, kind, [f"experiment={name}"]).jobs
+        assert isinstance(job.config, TrainConfig | EvalConfig)
+        jobs = []
+        for value in values:
+            config = job.config.model_copy(update={"env": job.config.env.model_copy(update={key: value})})
+            folder = Path("runs", name)
+            if isinstance(config, EvalConfig):
+                jobs.append(Job(config, folder / f"{key}-{value}"))
+                continue
+            for seed in (1, 2, 3):
+                jobs.append(Job(config.model_copy(update={"seed": seed}), folder / f"{key}-{value}_seed-{seed}"))
+        return jobs
+
+    trainings = {
+        "frequency": vary("frequency", "hip_k", [125.0]),
+        "energy": vary("energy", "energy_weight", PAPER.table_4.gamma),
+        "hip_stiffness": vary("hip_stiffness", "hip_k", PAPER.experiment_3.hip_k_nm_per_rad),
+    }
+    evaluations = {
+        "ramp": vary("ramp", "load", [None]),
+        "load": vary("load", "load", [0.5 * i for i in range(9)]),
+        "amplitude": vary("amplitude", "amplitude", REPORT.grid.amplitudes_m),
+        "engines": vary("engines", "physics", ["sagittal", "mujoco", "mujoco_c"]),
+    }
+    wanted = {name: [job for job in own if command._seed(job) <= 2] for name, own in trainings.items()}
+    return command.Plan(trainings, wanted, evaluations)
+
+
+def write_training(job: Job) -> None:
+    """What a training leaves besides its evaluation."""
+    assert isinstance(job.config, TrainConfig)
+    job.folder.mkdir(parents=True)
+    provenance.write_config(job.folder, job.config)
+    checkpoint.save({"actor_state_dict": {}, "iter": job.config.max_iterations}, model_of(job))
+    checkpoint.save({"processes": [{"logger": {"tot_time": 360.0}}]}, job.folder / "resume.pt")
+    yaml_files.write_yaml(job.folder / "status.yaml", {"state": "done"})
+
+
+def model_of(job: Job) -> Path:
+    assert isinstance(job.config, TrainConfig)
+    return job.folder / f"model_{job.config.max_iterations}.pt"
+
+
+def write_evaluation(out: Path, job: Job, evaluation: EvalConfig | None, results: list[Result], trace: Trajectory) -> None:
+    """What an evaluation of the policy of `job` leaves; None: the training's own."""
+    run = job.config
+    assert isinstance(run, TrainConfig)
+    how = evaluation.evaluation if evaluation else run.evaluation
+    changes = evaluation.env if evaluation else trial.AS_TRAINED
+    out.mkdir(parents=True)
+    write_csv([replace(result, origin=NO_ORIGIN) for result in results], out / "metrics.csv")
+    trace.save(out / "trajectories.npz")
+    env = trial.trial_config(run.env, how, changes, run.device)
+    yaml_files.write_yaml(out / "trial.yaml", trial._policy_record(model_of(job), run) | trial._conditions(how, env))
+
+
+def write_all(plan: command.Plan) -> None:
+    """The folders of two seeds of every experiment."""
+    for experiment, own in plan.wanted.items():
+        for job in own:
+            assert isinstance(job.config, TrainConfig)
+            env, seed = job.config.env, job.config.seed
+            results = [
+                result
+                for result in RESULTS[experiment]
+                if (result.origin.seed, result.origin.energy_weight) == (seed, env.energy_weight)
+                and result.hip_k_nm_per_rad == env.hip_k
+            ]
+            write_training(job)
+            write_evaluation(job.folder / "evaluation", job, None, results, steady([0.15, 0.75, 1.5]))
+    for experiment, trials in plan.evaluations.items():
+        for job in plan.wanted["frequency"]:
+            for evaluation in trials:
+                config, policy = evaluation.config, job.config
+                assert isinstance(config, EvalConfig) and isinstance(policy, TrainConfig)
+                env = config.env
+                results = [
+                    result
+                    for result in RESULTS[experiment]
+                    if result.origin.seed == policy.seed
+                    and env.load in (None, result.load_kg)
+                    and env.amplitude in (None, result.origin.amplitude_m)
+                    and env.physics in (None, result.origin.physics)
+                ]
+                trace = swept() if experiment == "ramp" else steady([0.4])
+                write_evaluation(evaluation.folder / job.folder.name, job, config, results, trace)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[command.Plan, ReproduceConfig]]:
+    """The folders of all experiments, and the report on them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("reproduction"))
+        # Theory has tests of its own, and takes half a minute here.
+        patch.setattr(collect, "theory_transitions", lambda *_: TRANSITIONS)
+        patch.setattr(collect, "_with_reward_optimum", lambda results, *_: [replace(r, reward=NO_REWARD) for r in results])
+        (job,) = check("reproduce", ReproduceConfig, ["seeds=2", "stages=[report]", "out=report"]).jobs
+        assert isinstance(job.config, ReproduceConfig)
+        plan = make_plan()
+        write_all(plan)
+        command.report(plan, job.config)
+        yield plan, job.config
+
+
+def verdicts(out: str) -> dict[str, str]:
+    with Path(out, "tables", "verdicts.csv").open(newline="") as file:
+        return {row["key"]: row["verdict"] for row in csv.DictReader(file)}
+
+
+def test_results_like_the_papers_reproduce_every_claim(made: object) -> None:
+    assert len(verdicts("report")) == 19 and set(verdicts("report").values()) == {"reproduced"}
+    names = {path.stem for path in Path("report/tables").glob("*.csv")}
+    assert names == {*RESULTS, "verdicts"}
+    for name, own in RESULTS.items():
+        assert len(Path(f"report/tables/{name}.csv").read_text().splitlines()) == 1 + len(own)
+
+
+def test_the_page_is_whole(made: object) -> None:
+    text = Path("report/report.html").read_text(encoding="utf-8")
+    read = Reader(text)
+    anchors = [section["id"] for section in read.all("section")]
+    links = {str(a["href"]).removeprefix("#") for a in read.all("a") if str(a["href"]).startswith("#")}
+    assert len(anchors) == len(set(anchors)) == 13 and links == set(anchors)
+    assert len(read.all("img")) == 15 and all(image["alt"] for image in read.all("img"))
+    assert [span["class"] for span in read.all("span") if "class" in span] == ["verdict reproduced"] * 19
+    assert "19 claims: 19 reproduced." in read.text and "2 seeds; no falls" in read.text
+    for table in re.findall(r"<table.*?</table>", text, re.S):
+        assert len({len(re.findall(r"<t[hd][ >]", row)) for row in re.findall(r"<tr>.*?</tr>", table, re.S)}) == 1
+    # tanh(3 (0.69 - 0.15)), tanh(3 (0.66 - 0.15)) and acos of the former, 2 of 2 seeds.
+    summary = Path("report/summary.md").read_text(encoding="utf-8")
+    row = "| 0.15 | 0.92 (0.92 to 0.92) | 22 (22 to 22) | in-phase | 0.91 | - | 1.10 (1.10 to 1.10) | 2/2 | in-phase |"
+    assert row in summary
+    assert "{" not in summary  # every number is filled in
+    assert "| energy | 18 of 27 | 1, 2 | 1.8 |" in summary  # nine weights, 360 s each
+
+
+def test_results_of_other_code_are_left_out_and_named(
+    made: tuple[command.Plan, ReproduceConfig], capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan, config = made
+    first, second = plan.wanted["frequency"]
+    path = first.folder / "evaluation" / "trial.yaml"
+    yaml_files.write_yaml(path, yaml_files.read_yaml(path) | {"training_code": "other"})
+    older = Job(second.config, second.folder.with_name("seed-2_older"))
+    write_training(older)
+    command.report(plan, config.model_copy(update={"out": "other"}))
+    names = f"2 (`{older.folder}`, `{path.parent}`)"
+    assert "Left out" in (warning := capsys.readouterr().err) and names in warning
+    summary = Path("other/summary.md").read_text(encoding="utf-8")
+    assert names in summary and f"<code>{path.parent}</code>" in Path("other/report.html").read_text(encoding="utf-8")
+    assert verdicts("other") == verdicts("report") and "1 seed; no falls" in summary  # one seed fewer in Exp. 1

@@ -1,0 +1,19 @@
+"""Files that are replaced as a whole or not at all."""
+
+import pytest
+
+from posture.storage.atomic import replacing
+
+
+def test_a_file_is_replaced_only_at_the_end(tmp_path):
+    path = tmp_path / "file"
+    path.write_text("old")
+    with pytest.raises(RuntimeError), replacing(path) as temporary:
+        temporary.write_text("half of the n")
+        raise RuntimeError
+    assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
+    with replacing(path) as temporary:
+        temporary.write_text("new")
+        assert temporary.parent == tmp_path  # from another file system it could not be moved atomically
+        assert path.read_text() == "old"
+    assert path.read_text() == "new" and list(tmp_path.iterdir()) == [path]

@@ -1,0 +1,31 @@
+"""What a training prints about schedules of weights that it does not finish."""
+
+import pytest
+
+from posture.train import _report_unfinished_schedules
+from tests.conftest import compose
+
+
+@pytest.mark.parametrize(
+    ("override", "begun_with", "line"),
+    [
+        ("max_iterations=1000", 1000, ""),
+        ("max_iterations=1500", 1000, ""),
+        ("env.reward.alive={start: 1.0, end: 2.0, until: 1.0}", 1000, ""),
+        (
+            "env.reward.alive={start: 1.0, end: 2.0, until: 1.5}",
+            1000,
+            "env.reward.alive: the schedule ends after 1500 iterations, the training after 1000\n",
+        ),
+        (
+            "max_iterations=700",  # resumed with fewer iterations than it began with
+            1000,
+            "env.reward.stay_weight, env.reward.target_weight, env.reward.ended: the schedule ends after 750 iterations, "
+            "the training after 700\n",
+        ),
+    ],
+)
+def test_a_training_that_ends_before_a_schedule_says_so(capsys, override, begun_with, line):
+    config = compose(override)
+    _report_unfinished_schedules(config, begun_with * config.agent.num_steps_per_env)
+    assert capsys.readouterr().out == line
