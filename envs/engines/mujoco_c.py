@@ -45,7 +45,7 @@ class MujocoCSimulation(Simulation):
 
     def __init__(self, config: EnvConfig, num_worlds: int, device: str) -> None:
         if device != "cpu":
-            raise ValueError(f"device: env.physics=mujoco_c computes on cpu alone, not on '{device}'")
+            raise ValueError(f"device: env.physics=mujoco_c computes only on the cpu, not on '{device}'")
         self.config = config
         self.num_worlds = num_worlds
         self.device = torch.device(device)

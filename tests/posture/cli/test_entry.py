@@ -98,7 +98,7 @@ def test_an_evaluation_by_other_libraries_does_not_count(trained, monkeypatch):
     model, run = run_dir.newest_model(trained), run_dir.read_config(trained)
     conditions = (trained / "evaluation", model, run, run.evaluation, AS_TRAINED, "cpu")
     assert is_current(*conditions)
-    monkeypatch.setattr(provenance, "versions", lambda: {"newton": "0.1"})
+    monkeypatch.setattr(provenance, "library_versions", lambda: {"newton": "0.1"})
     assert not is_current(*conditions)
 
 

@@ -118,7 +118,8 @@ def test_page_is_local_and_stops_on_a_signal(tmp_path, number, code):
 def test_interrupted_during_start_up(tmp_path):
     with running(tmp_path) as process:
         time.sleep(1.5)
-        assert stop(process, signal.SIGINT) == (130, "")
+        code, errors = stop(process, signal.SIGINT)
+    assert code == 130 and "Traceback" not in errors  # torch, interrupted while it is imported, may log a line at exit
 
 
 def test_recording_is_one_small_file(monkeypatch, capsys, tmp_path):
