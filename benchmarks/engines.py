@@ -31,7 +31,7 @@ import mujoco
 import numpy as np
 import torch
 from mujoco.rollout import Rollout
-from shared import alone, compose, hardware, memory, missing, timed, write
+from shared import compose, hardware, in_new_process, memory, missing, timed, write
 
 from envs.config import EnvConfig
 from envs.engines.interface import ConstraintOverflowError
@@ -73,7 +73,7 @@ def main() -> None:
     cases = [(e, w, t) for w in sorted(set(arguments.worlds)) for e in engines for t in threads(e, w)]
     taken: dict[tuple[str, int, int], list[Row]] = {case: [] for case in cases}
     for case in cases * arguments.repeats:
-        taken[case].append(alone(measure, *case, arguments.device, arguments.seconds))
+        taken[case].append(in_new_process(measure, *case, arguments.device, arguments.seconds))
         print(taken[case][-1], flush=True)
     rows = summary([{**repeats[0], **median(repeats)} for repeats in taken.values()])
     print(table(rows))

@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from shared import alone, compose, hardware, missing, write
+from shared import compose, hardware, in_new_process, missing, write
 from torch import distributed
 
 from envs.task.head_tracking import HeadTrackingEnv
@@ -66,7 +66,7 @@ def main() -> None:
         if learner == "sb3" and (lacking := missing(*NEEDS)):
             print(f"sb3: {lacking}")
             continue
-        row, curve = alone(measure, learner, tuple(overrides), arguments.budget, arguments.every)
+        row, curve = in_new_process(measure, learner, tuple(overrides), arguments.budget, arguments.every)
         print(row)
         rows.append(row)
         curves.extend(curve)

@@ -60,8 +60,8 @@ def _kilobytes(process: int | None, field: str) -> int:
     return sum(int(line.split()[1]) for line in lines if line.startswith(field))
 
 
-def alone(function: Callable[..., Any], *arguments: Any) -> Any:
-    """`function(*arguments)` in a fresh process, so that nothing measured before is in its memory."""
+def in_new_process(function: Callable[..., Any], *arguments: Any) -> Any:
+    """`function(*arguments)` in a new process, so that nothing measured before is in its memory."""
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
         return pool.submit(function, *arguments).result()
 

@@ -101,9 +101,9 @@ class RewardConfig(Strict):
 
 
 class TerminationConfig(Strict):
-    """What ends an episode early; None: it does not."""
+    """Limits that end an episode early; None: no limit."""
 
-    fall_height: Annotated[float, Field(gt=0, le=1.2)]  # the torso stands at 1.29 m
+    fall_height: Annotated[float, Field(gt=0, le=1.2)]  # the torso is at 1.29 m when upright
     foot_motion: Annotated[float, Field(gt=0, le=1)] | None
     head_tolerance: Annotated[float, Field(gt=0, le=2)] | None
 
@@ -119,7 +119,7 @@ class SolverConfig(Strict):
 
 
 class EnvConfig(Strict):
-    """The head-tracking task. Units and sources stand beside the values in conf/env/head_tracking.yaml."""
+    """The head-tracking task. Units and sources are in conf/env/head_tracking.yaml."""
 
     num_envs: Annotated[int, Field(ge=1, le=1_000_000)]
     freq: Freq | tuple[Freq, Freq]

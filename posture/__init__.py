@@ -10,14 +10,14 @@ os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")
 
 
 def _load_envs() -> None:
-    """Import `envs` from beside this package, whatever else is called `envs` on the path.
+    """Import `envs` from beside this package, even if another package `envs` is on the path.
 
-    With `python -m` the working directory comes first on the path, and a user may well have an `envs` of their own there.
+    With `python -m` the working directory comes first on the path, and a user may have another `envs` there.
     """
     own = Path(__file__).resolve().parent.parent / "envs" / "__init__.py"
     if loaded := sys.modules.get("envs"):
         if loaded.__file__ is None or Path(loaded.__file__).resolve() != own:
-            raise ImportError(f"posture has a package envs of its own, but another one is already imported: {loaded}")
+            raise ImportError(f"posture has its own package envs, but another one is already imported: {loaded}")
         return
     spec = importlib.util.spec_from_file_location("envs", own)
     assert spec is not None and spec.loader is not None

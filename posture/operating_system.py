@@ -1,4 +1,4 @@
-"""What differs between POSIX systems and Windows; everything else in the project runs on both."""
+"""Differences between POSIX systems and Windows; everything else in the project runs on both."""
 
 import contextlib
 import os

@@ -8,7 +8,7 @@ python -m posture.train resume=latest max_iterations=500
 from pathlib import Path
 
 from posture.cli import entry
-from posture.config.device import check_device, check_engine
+from posture.config.checks import check_device, check_engine
 from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
 from posture.storage import atomic, provenance, run_dir

@@ -85,7 +85,7 @@ def answer(command, *arguments):
 
 
 def refused(monkeypatch, capsys, command, *arguments):
-    """The one line with which bad input is refused."""
+    """The one-line error for bad input."""
     with pytest.raises(SystemExit) as stop:
         call(monkeypatch, command, *arguments)
     printed = capsys.readouterr()

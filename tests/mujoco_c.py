@@ -47,7 +47,7 @@ class MujocoC:
             mujoco.mj_step(self.model, self.data)
 
     def read(self):
-        """What a `Simulation` shows after a step, under the same names."""
+        """The outputs of a `Simulation` after a step, under the same names."""
         model, data = self.model, self.data
         joint_force = (data.qfrc_passive + data.qfrc_applied)[self.dofs]
         force, position = self._soles()

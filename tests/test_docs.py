@@ -140,7 +140,7 @@ def links(document):
 
 
 def anchors(path):
-    """What the #fragment of a link may name: headings in GitHub's spelling, and explicit ids."""
+    """Valid #fragments of links: headings in GitHub's spelling, and explicit ids."""
     text = path.read_text(encoding="utf-8")
     headings = re.findall(r"^#+ (.+)$", re.sub(r"^```.*?^```", "", text, flags=re.S | re.M), flags=re.M)
     slugs = {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}

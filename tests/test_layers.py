@@ -1,4 +1,4 @@
-"""What a fresh interpreter loads. Which package may import which is checked by `lint-imports` (see pyproject.toml)."""
+"""Modules that a fresh interpreter loads. `lint-imports` checks the imports between packages (see pyproject.toml)."""
 
 import json
 import pkgutil

@@ -58,7 +58,7 @@ def installed(site: Path, folder: Path, *arguments: str) -> subprocess.Completed
 
 
 def works(site: Path, folder: Path, *arguments: str) -> str:
-    """What a command prints that succeeds."""
+    """The output of a command, which must succeed."""
     done = installed(site, folder, "-m", *arguments)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout

@@ -62,7 +62,7 @@ class Geometry:
 
 
 def geometry(model: newton.Model) -> Geometry:
-    """The geometry of one stander of `model`, of which all worlds are copies."""
+    """The geometry of one stander of `model`; all worlds are copies of it."""
     labels = [label.rsplit("/", 1)[-1] for label in model.shape_label]
     place = model.shape_transform.numpy()
     sole = labels.index("sole_left")

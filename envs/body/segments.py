@@ -70,7 +70,7 @@ class Segments:
 
 
 def segments(model: newton.Model) -> Segments:
-    """The segments of one stander of `model`, of which all worlds are copies."""
+    """The segments of one stander of `model`; all worlds are copies of it."""
     # Imported here because users of `Segments` need no simulator.
     from envs.body.model import geometry
 
@@ -113,7 +113,7 @@ def segments(model: newton.Model) -> Segments:
 
 def read_segments(config: EnvConfig) -> Segments:
     """The segments of the body as simulated, from the Newton model that `build_model` gives for `config`."""
-    # Imported here because what is computed from the result needs no simulator.
+    # Imported here because users of the result need no simulator.
     from envs.body.model import build_model
 
     return segments(build_model(config, num_worlds=1, device="cpu"))

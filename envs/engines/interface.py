@@ -1,4 +1,4 @@
-"""What every physics engine offers to the task."""
+"""The interface of the physics engines."""
 
 import math
 from typing import Protocol
@@ -9,7 +9,7 @@ from envs.body.model import Geometry
 from envs.config import EnvConfig
 
 SUBJECT = ("hip_k", "ankle_k", "load")
-"""What may differ from world to world."""
+"""Properties that may differ between worlds."""
 
 
 class Simulation(Protocol):
@@ -53,7 +53,7 @@ class Simulation(Protocol):
     def reset(self, mask: torch.Tensor) -> None:
         """Put the worlds of `mask` (N,) bool upright and at rest, as they were when the model was built.
 
-        Also clears what the solver keeps from step to step: a world that had diverged recovers, and moves bit for bit like a
+        Also clears the solver's own state: a world that had diverged recovers, and moves bit for bit like a
         new one.
         """
 
@@ -84,27 +84,28 @@ class Simulation(Protocol):
         step so far."""
 
     def state_dict(self) -> dict[str, torch.Tensor]:
-        """All that the next step depends on, warm start and sensor readings included, as copies."""
+        """A copy of everything that the next step depends on, warm start and sensor readings included."""
         return {name: tensor.clone() for name, tensor in self._saved().items()}
 
     def load_state_dict(self, state: dict[str, torch.Tensor]) -> None:
-        """Put the worlds back exactly as `state_dict` found them."""
+        """Restore the state of a `state_dict` exactly."""
         self.set_subject(**{name: state[name] for name in SUBJECT})
         for name, tensor in self._saved().items():
             tensor.copy_(state[name])
         self._restore(state)
 
     def _apply_stiffness(self) -> None:
-        """Bring `hip_k` and `ankle_k` into the model."""
+        """Write `hip_k` and `ankle_k` to the model."""
 
     def _apply_load(self) -> None:
-        """Bring `load` into the model."""
+        """Write `load` to the model."""
 
     def _saved(self) -> dict[str, torch.Tensor]:
-        """The tensors that `state_dict` copies."""
+        """The tensors that `state_dict` copies; each engine adds its own."""
+        return {name: getattr(self, name) for name in ("joint_force", "sole_force", "sole_position", *SUBJECT)}
 
     def _restore(self, state: dict[str, torch.Tensor]) -> None:
-        """Update what follows from the saved tensors, after they were put back."""
+        """Recompute everything derived from the saved tensors after they were restored."""
 
 
 class ConstraintOverflowError(RuntimeError):

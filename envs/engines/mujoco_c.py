@@ -41,7 +41,7 @@ def build(config: EnvConfig) -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 
 class MujocoCSimulation(Simulation):
-    """The `Simulation` of the full body in MuJoCo's C solver; every world has a model of its own."""
+    """The `Simulation` of the full body in MuJoCo's C solver; every world has its own model."""
 
     def __init__(self, config: EnvConfig, num_worlds: int, device: str) -> None:
         if device != "cpu":
@@ -182,16 +182,7 @@ class MujocoCSimulation(Simulation):
         velocity[..., 3:] = turning
 
     def _saved(self) -> dict[str, torch.Tensor]:
-        return {
-            "mujoco": self._state,
-            "joint_force": self.joint_force,
-            "sole_force": self.sole_force,
-            "sole_position": self.sole_position,
-            "diverged": self.diverged,
-            "hip_k": self.hip_k,
-            "ankle_k": self.ankle_k,
-            "load": self.load,
-        }
+        return super()._saved() | {"mujoco": self._state, "diverged": self.diverged}
 
 
 @contextmanager

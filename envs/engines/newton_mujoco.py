@@ -35,9 +35,9 @@ def _note_dropped(
     most_rows: wp.array[wp.int32],
     most_contacts: wp.array[wp.int32],
 ) -> None:
-    """Keep what a substep dropped and the largest size it needed; the solver clears both at the next substep.
+    """Record the drops of a substep and the largest size it needed; the solver clears both at the next substep.
 
-    MuJoCo Warp goes on counting beyond its capacity. Contacts and pairs of geoms are counted over all worlds.
+    MuJoCo Warp keeps counting beyond its capacity. Contacts and pairs of geoms are counted over all worlds.
     """
     world = wp.tid()
     dropped[world] = dropped[world] | (overflow[world] & mask)
@@ -67,7 +67,7 @@ def _sort_sole_forces(
     force: wp.array3d[wp.vec3],
     position: wp.array3d[wp.vec3],
 ) -> None:
-    """Ground-on-sole force of each contact by world, foot, and heel or toe, of which each has at most one contact."""
+    """Ground-on-sole force of each contact by world, foot, and heel or toe; each has at most one contact."""
     i = wp.tid()
     if i >= num_contacts[0]:
         return
@@ -257,7 +257,7 @@ class NewtonMujocoSimulation(Simulation):
         self.diverged = torch.zeros(self.num_worlds, dtype=torch.bool, device=self.device)
         self._joint_force_wp = wp.zeros((self.num_worlds, len(JOINTS)), dtype=float, device=self.model.device)
         self.joint_force = wp.to_torch(self._joint_force_wp)
-        # Newton's mask has one more element than there are worlds, for what belongs to no world.
+        # Newton's mask has one more element than there are worlds, for bodies that belong to no world.
         self._reset_mask = torch.zeros(self.num_worlds + 1, dtype=torch.bool, device=self.device)
         self._reset_mask_wp = wp.from_torch(self._reset_mask, dtype=wp.bool)
         self._reset_articulations = self._reset_mask_wp[: self.num_worlds]
@@ -283,14 +283,4 @@ class NewtonMujocoSimulation(Simulation):
         self._mid_x = 0.5 * (self.geometry.heel_x + self.geometry.toe_x)
 
     def _saved(self) -> dict[str, torch.Tensor]:
-        return {
-            "joint_q": self._joint_q,
-            "joint_qd": self._joint_qd,
-            "warmstart": self._warmstart,
-            "joint_force": self.joint_force,
-            "sole_force": self.sole_force,
-            "sole_position": self.sole_position,
-            "hip_k": self.hip_k,
-            "ankle_k": self.ankle_k,
-            "load": self.load,
-        }
+        return super()._saved() | {"joint_q": self._joint_q, "joint_qd": self._joint_qd, "warmstart": self._warmstart}

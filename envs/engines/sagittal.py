@@ -144,18 +144,7 @@ class SagittalSimulation(Simulation):
         self._write_outputs()
 
     def _saved(self) -> dict[str, torch.Tensor]:
-        return {
-            "q": self._q,
-            "qd": self._qd,
-            "qdd": self._qdd,
-            "joint_force": self.joint_force,
-            "sole_force": self.sole_force,
-            "sole_position": self.sole_position,
-            "diverged": self.diverged,
-            "hip_k": self.hip_k,
-            "ankle_k": self.ankle_k,
-            "load": self.load,
-        }
+        return super()._saved() | {"q": self._q, "qd": self._qd, "qdd": self._qdd, "diverged": self.diverged}
 
 
 def _last_named(named: Any, count: int, name: str) -> int:

@@ -61,7 +61,7 @@ def impedance(soft: Softness, distance: float) -> float:
 
 @wp.func
 def solve(a: mat5, b: vec5) -> vec5:
-    """x with a x = b, a symmetric and positive definite, of which the lower triangle is read; by its LDL' factors."""
+    """Solve a x = b by LDL' factorisation; a is symmetric and positive definite, and only its lower triangle is read."""
     l10 = a[1, 0] / a[0, 0]
     l20 = a[2, 0] / a[0, 0]
     l30 = a[3, 0] / a[0, 0]

@@ -53,7 +53,7 @@ from envs.engines.sagittal_contact import (
 
 @wp.struct
 class Body:
-    """Constants of the planar stander; legs, feet and joints of both sides together. See the module's head."""
+    """Constants of the planar stander; legs, feet and joints of both sides together. See the module's docstring."""
 
     hat_mass: float
     leg_mass: float
@@ -322,8 +322,8 @@ def advance(
         foot_c = c3
         foot_s = s3
 
-        # Integration, damping implicit. At the optimum M a is the sum of all forces, of which the large and opposed ones of
-        # contact would leave less in single precision. `solve` reads the lower triangle alone.
+        # Integration, damping implicit. At the optimum M a is the sum of all forces. Summing the large, opposed contact
+        # forces instead would lose precision. `solve` reads only the lower triangle.
         made = mass * guess
         mass[2, 2] += dt * damping
         mass[3, 2] -= dt * damping

@@ -92,7 +92,7 @@ class HeadTrackingEnv(VecEnv):
         # 3. Where head, feet and target are now.
         self.state = self._read()
 
-        # 4. What ends here.
+        # 4. Terminations and time-outs.
         ended = self._ended()
         time_out = (self.episode_length_buf >= self._length) & ~ended
         done = ended | time_out
@@ -137,13 +137,13 @@ class HeadTrackingEnv(VecEnv):
         return self.get_observations()
 
     def state_dict(self) -> dict[str, Any]:
-        """All that the coming steps depend on, as copies: physics, episodes, last action, and the training's progress."""
+        """A copy of everything that later steps depend on: physics, episodes, last action and training progress."""
         own = {name: getattr(self, name).clone() for name in ("episode_length_buf", "episode", "action", "freq")}
         progress = {"steps": self.steps, "training_steps": self.training_steps}
         return {**progress, "simulation": self.sim.state_dict(), **own}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Continue exactly where `state_dict` was taken."""
+        """Restore the state of a `state_dict` exactly."""
         self.steps = state["steps"]
         # Earlier versions did not save the length of the training.
         self.training_steps = state.get("training_steps", self.training_steps)

@@ -1,4 +1,4 @@
-"""What the policy may observe: a registry with one entry for each term, its function, and the name and unit of each value.
+"""Registry of the observation terms: for each its function, and the name and unit of each of its values.
 
 `env.observations` names groups and lists the terms that each joins, in order; `agent.obs_groups` says which groups actor and
 critic get. Values are in SI units and in the world frame unless stated otherwise: the policy normalises its input by running
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TaskState:
-    """What reward, terminations and observations are functions of, after a step (N worlds, joints in the order of `JOINTS`).
+    """Arguments of reward, terminations and observations after a step (N worlds, joints in the order of `JOINTS`).
 
     hat_pose, hat_velocity: (N, 7), (N, 6) of the HAT, see `Simulation.body_pose`, `body_velocity`.
     foot_pose: (N, 2, 7) of the left and the right foot. foot_displacement: (N, 2) distance from the start [m].

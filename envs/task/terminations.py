@@ -1,4 +1,4 @@
-"""What ends an episode early, one function each: tensors of N worlds in, bool (N,) out. Limits are in conf/env/."""
+"""Early terminations, one function each: tensors of N worlds in, bool (N,) out. Limits are in conf/env/."""
 
 import torch
 

@@ -48,7 +48,7 @@ def cycles(time: Array, freq: float, transient_s: float) -> list[slice]:
         return []
     dt = (time[-1] - time[0]) / (len(time) - 1)
     start = max(transient_s, float(time[0]))
-    # Each sample stands for one step; half a step of slack keeps a last cycle that ends on the trial's end.
+    # Each sample represents one step; half a step of slack keeps a last cycle that ends on the trial's end.
     count = math.floor((time[-1] + 1.5 * dt - start) * freq)
     edges = np.searchsorted(time, start + np.arange(count + 1) / freq - dt / 2)
     return [slice(int(i), int(j)) for i, j in pairwise(edges)]

@@ -1,4 +1,4 @@
-"""One row of results: what was measured in one world of one trial, with the theory beside it; and its CSV file.
+"""One row of results: the measurements in one world of one trial, with the theory; and its CSV file.
 
 `Result` is the only place that names the columns. Its fields are the columns of metrics.csv, in this order. A field that is
 itself a dataclass is a group of columns: the group is left out of a file in which no row has it. An index that is undefined
@@ -17,13 +17,13 @@ from typing import Any
 from posture.storage.atomic import replacing
 
 Row = dict[str, Any]
-"""A row as it stands in a CSV file: column name to value."""
+"""A row of a CSV file: column name to value."""
 
 
 def columns_of(prefix: str, default: Any = MISSING) -> Any:
     """A dataclass field whose own fields are columns with `prefix` before their names.
 
-    The columns are left out of a row whose value is the very object `default`.
+    The columns are left out of a row whose value is the object `default` itself.
     """
     return field(default=default, metadata={"prefix": prefix})
 
@@ -153,7 +153,7 @@ class Result:
 
 
 Value = Callable[[Result], float]
-"""How a number is taken from a result: a column, or what is computed from several."""
+"""Reads a number from a result: one column, or a function of several."""
 
 
 def as_row(record: Any) -> Row:

@@ -1,7 +1,7 @@
 """Tables of results, one line for each row: for the terminal and for Markdown. The table of an evaluation.
 
-Where a world's frequency is one of paper Table 3, the published values stand beside ours; pass None for `published` where
-the other conditions are not those of that table.
+Where a world's frequency is one of paper Table 3, the published values are shown beside ours; pass None for `published`
+where the other conditions are not those of that table.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """From a command line to a task: Hydra composes the configuration, and we check it.
 
-Bad input is answered in one line and exit code 2. Every job of a sweep is checked before the first one starts. A job that
+Bad input is reported in one line, with exit code 2. Every job of a sweep is checked before the first one starts. A job that
 fails does not stop the others; the summary names it.
 """
 
@@ -93,7 +93,7 @@ def _run_single(kind: type[Config], task: Callable[[Config, Path], None], compos
     try:
         task(read(kind, jobs.plain(composed)), Path(HydraConfig.get().runtime.output_dir))
     except ConfigError as error:
-        _refuse(error)  # not further up, because Hydra adds lines of its own
+        _refuse(error)  # not further up, because Hydra adds its own lines
     except (FloatingPointError, RunError, OSError) as error:
         print(f"error: {one_line(error)}", file=sys.stderr)
         sys.exit(1)

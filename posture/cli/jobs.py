@@ -1,7 +1,7 @@
 """The jobs of a command line, each composed and checked before the first one starts.
 
-A mistake in the last of eight swept values is thus reported at once, not after seven trainings. The folder of every job is
-known in advance, so a sweep can be monitored from its folders alone, whichever Hydra launcher runs it.
+A mistake in the last of eight swept values is thus reported immediately, not after seven trainings. The folder of every
+job is known in advance, so a sweep can be monitored from its folders, with any Hydra launcher.
 """
 
 import argparse
@@ -30,7 +30,7 @@ from omegaconf.errors import OmegaConfBaseException
 from pydantic import BaseModel
 
 from posture.cli.ranges import expand_ranges
-from posture.config.device import check_device
+from posture.config.checks import check_device
 from posture.config.errors import ConfigError
 from posture.config.published import CONF, without_published
 from posture.config.reading import read
@@ -192,8 +192,8 @@ def sweep_folder(parent: str, experiment: str | None) -> str:
 def job_folder(number: int, overrides: str, experiment: str | None, *, _root_: DictConfig) -> str:
     """Name of a job's folder within that of its sweep. A resolver of conf/.
 
-    In an experiment the name of a training ends in a digest of all that its policy depends on. The same job thus finds what
-    it did before, and another one never overwrites it.
+    In an experiment the name of a training ends in a digest of everything that its policy depends on. The same job thus
+    finds its earlier results, and another one never overwrites them.
     """
     slug = override_slug(overrides)
     if experiment is None:
@@ -232,7 +232,7 @@ OmegaConf.register_new_resolver("posture.job_folder", job_folder, replace=True)
 
 
 def _check_folders(jobs: Sequence[Job], sweep: Path) -> None:
-    """Raise ConfigError unless every job has a writable folder of its own within that of the sweep."""
+    """Raise ConfigError unless every job has its own writable folder within that of the sweep."""
     if not jobs:
         raise ConfigError("the sweep is empty: a range or choice has no value in it")
     seen: set[Path] = set()
@@ -262,7 +262,7 @@ def _check_folder(folder: Path) -> None:
 
 @contextlib.contextmanager
 def _errors_are_bad_input() -> Iterator[None]:
-    """Turn every error into ConfigError: Hydra answers some bad input with Python's own exceptions."""
+    """Turn every error into ConfigError: Hydra raises Python's own exceptions for some bad input."""
     try:
         yield
     except (ConfigError, HydraException, OmegaConfBaseException):

@@ -1,4 +1,4 @@
-"""SIGINT (Ctrl-C) and SIGTERM: a training finishes its iteration and saves, everything else ends at once.
+"""SIGINT (Ctrl-C) and SIGTERM: a training finishes its iteration and saves, everything else ends immediately.
 
 The exit code is 130 or 143.
 """

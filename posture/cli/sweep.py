@@ -87,7 +87,7 @@ class SweepProgress:
 
 @contextlib.contextmanager
 def report_periodically(progress: SweepProgress, label: str, every: float = REPORT_EVERY_S) -> Iterator[None]:
-    """In this context print a progress line every so many seconds."""
+    """In this context print a progress line at regular intervals."""
     ended, stdout = threading.Event(), sys.stdout  # a job in this process may redirect sys.stdout
 
     def report() -> None:

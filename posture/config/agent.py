@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from envs.config import Steps, Strict
-from posture.config.fields import Share, Small
+from posture.config.checks import Share, Small
 
 
 class ObsGroups(Strict):

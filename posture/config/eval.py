@@ -17,8 +17,7 @@ from envs.config import (
     Strict,
     check_followed,
 )
-from posture.config.device import check_engine
-from posture.config.fields import PathText, Tolerance
+from posture.config.checks import PathText, Tolerance, check_engine
 
 MAX_SAMPLES = 10_000_000
 """Control steps times worlds of one evaluation; recording that many takes some gigabytes of memory."""
@@ -84,7 +83,7 @@ class EvalConfig(Strict):
 
 
 def check_trial(evaluation: EvaluationConfig, env: EnvConfig) -> None:
-    """Raise ValueError unless a trial has two control steps or more after its transient, fits in memory, and has targets
+    """Raise ValueError unless a trial has at least two control steps after its transient, fits in memory, and has targets
     slow enough for the control step."""
     steps = round(evaluation.duration / env.control_dt)
     if (steps - 1) * env.control_dt < evaluation.transient:

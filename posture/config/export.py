@@ -5,9 +5,8 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from envs.config import Strict
-from posture.config.device import check_engine
+from posture.config.checks import PathText, check_engine
 from posture.config.eval import EnvChanges, EvaluationConfig
-from posture.config.fields import PathText
 
 
 class ExportConfig(Strict):

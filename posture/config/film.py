@@ -5,9 +5,8 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, model_validator
 
 from envs.config import Freq, Ramp, Seconds, Strict
-from posture.config.device import check_engine
+from posture.config.checks import PathText, check_engine
 from posture.config.eval import EnvChanges
-from posture.config.fields import PathText
 
 FRAMES_A_CYCLE = 4
 """Fewer frames per cycle would show a different motion (aliasing)."""

@@ -5,8 +5,8 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from envs.config import Amplitude, AnkleStiffness, Freq, HipStiffness, Load, Strict
+from posture.config.checks import PathText, Share, Tolerance
 from posture.config.eval import EvaluationConfig, LqrConfig
-from posture.config.fields import PathText, Share, Tolerance
 
 Step = Annotated[float, Field(gt=0, le=1000)]
 Force = Annotated[float, Field(gt=0, le=10_000)]

@@ -17,7 +17,7 @@ _SHAPES = {
     "tuple": "a range [low, high]",
     "Schedule": "a schedule {start: .., end: .., until: ..}",
 }
-"""What a key may hold, by a word in pydantic's name for that alternative."""
+"""Allowed values of a key, by a word in pydantic's name for that alternative."""
 
 
 def read(kind: type[Config], values: Mapping[str, Any], file: str = "") -> Config:
@@ -65,5 +65,5 @@ def _key(error: ErrorDetails) -> str:
 
 
 def _is_shape(part: int | str) -> bool:
-    """Whether a part of an error's place is pydantic's name of an alternative and no key: tuple[..], constrained-float."""
+    """Whether a part of an error's location is pydantic's name of an alternative, such as tuple[..], and not a key."""
     return isinstance(part, str) and bool(re.match(r"constrained-|function-|tuple\[", part))

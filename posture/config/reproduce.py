@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from envs.config import Amplitude, Freq, HipStiffness, Strict
-from posture.config.fields import PathText
+from posture.config.checks import PathText
 
 Stage = Literal["train", "evaluate", "report", "ship"]
 Share = Annotated[float, Field(gt=0, le=1)]
@@ -45,7 +45,7 @@ class ClaimRules(Strict):
 
 
 class Grid(Strict):
-    """Conditions of sweeps of which the paper gives the ends only."""
+    """Conditions of sweeps for which the paper gives only the ends."""
 
     map_step_hz: Step
     load_step_kg: Step

@@ -5,8 +5,8 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from envs.config import AnkleStiffness, EnvConfig, Freq, HipStiffness, Load, Strict
+from posture.config.checks import PathText, Tolerance
 from posture.config.eval import EvaluationConfig
-from posture.config.fields import PathText, Tolerance
 
 MAX_VALUES = 10_000
 """Points of a table or of the map; each is an optimisation that takes some milliseconds."""

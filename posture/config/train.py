@@ -6,9 +6,8 @@ from pydantic import Field, model_validator
 
 from envs.config import EnvConfig, Steps, Strict
 from posture.config.agent import AgentConfig
-from posture.config.device import check_engine
+from posture.config.checks import PathText, check_engine
 from posture.config.eval import EvaluationConfig, check_trial
-from posture.config.fields import PathText
 
 
 class TrainConfig(Strict):

@@ -17,7 +17,7 @@ from posture.analysis.ramp import transitions
 from posture.analysis.results import Origin, Result, read_csv, write_csv
 from posture.analysis.table import evaluation_columns, markdown_table, text_table
 from posture.analysis.trajectory import Trajectory
-from posture.config.device import check_engine
+from posture.config.checks import check_engine
 from posture.config.errors import ConfigError
 from posture.config.eval import EnvChanges, EvaluationConfig, LqrConfig, check_trial
 from posture.config.published import Table3, read_published
@@ -155,7 +155,7 @@ def is_current(
 
 
 def _policy_record(model: Path, run: TrainConfig) -> dict[str, Any]:
-    """Which policy was evaluated, and by which code and versions of the libraries."""
+    """Identification of the policy, and of the code and library versions that evaluated it."""
     return {
         "policy": str(model),
         "policy_sha256": hashlib.sha256(model.read_bytes()).hexdigest(),
@@ -168,7 +168,7 @@ def _policy_record(model: Path, run: TrainConfig) -> dict[str, Any]:
 
 
 def _conditions(evaluation: EvaluationConfig, env: EnvConfig) -> dict[str, Any]:
-    """Under which conditions it was evaluated."""
+    """The conditions of an evaluation."""
     return {"evaluation": evaluation.model_dump(mode="json"), "env": as_plain(env)}
 
 
@@ -186,7 +186,7 @@ def with_theory(rows: list[Result], env: EnvConfig, evaluation: EvaluationConfig
 
 
 def origin(run: TrainConfig, changes: EnvChanges, name: str) -> Origin:
-    """What distinguishes the results of the run `name` from those of other runs."""
+    """The columns that distinguish the results of the run `name` from those of other runs."""
     weight = run.env.energy_weight
     return Origin(
         seed=run.seed,

@@ -31,7 +31,7 @@ def two_modes(config: FilmConfig, model: Path, run: TrainConfig) -> Film:
     # The correlation at the first frame needs a whole cycle before it.
     starts = [math.ceil(max(config.settle, 1 / slowest) * freq) / freq for freq in config.env.freq]
     trial = _roll_out(config, model, run, None, max(starts) + length)
-    steps, still = _window(config, run)
+    steps, still = _window(run)
     motions, cycles = [], []
     for world, (freq, start) in enumerate(zip(config.env.freq, starts, strict=True)):
         r = running_correlation(trial, world, steps, still, centred=False)
@@ -43,7 +43,7 @@ def two_modes(config: FilmConfig, model: Path, run: TrainConfig) -> Film:
 def ramp(config: FilmConfig, model: Path, run: TrainConfig) -> Film:
     """The whole ramp of Exp. 4a. The trial is half a window longer, for the centred correlation at the end."""
     schedule = config.env.ramp
-    steps, still = _window(config, run)
+    steps, still = _window(run)
     window = steps * run.env.control_dt
     trial = _roll_out(config, model, run, schedule, schedule.duration + window / 2)
     time = np.linspace(0.0, schedule.duration, max(round(schedule.duration * config.fps), 2), endpoint=False)
@@ -65,7 +65,7 @@ def _roll_out(config: FilmConfig, model: Path, run: TrainConfig, schedule: Ramp 
     return rollout(env, policy, torch.tensor(freq, dtype=torch.float64) if schedule is None else None, duration)
 
 
-def _window(config: FilmConfig, run: TrainConfig) -> tuple[int, float]:
+def _window(run: TrainConfig) -> tuple[int, float]:
     """Window of the running correlation [control steps], and the motion [rad] below which a joint counts as still."""
     return read_published().experiment_4a.window_steps, math.radians(run.evaluation.still_joint_deg)
 

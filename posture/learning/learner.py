@@ -71,7 +71,7 @@ class Learner(OnPolicyRunner):
     def save(self, path: str, infos: dict[str, Any] | None = None) -> None:
         """Save a checkpoint if one is due; rsl-rl calls this after every iteration.
 
-        If a signal has asked the training to stop, save, and raise signals.Stopped.
+        After a signal, save and raise signals.Stopped.
         """
         self._done = done = self.current_learning_iteration + 1
         stop = parallel.any_process(bool(signals.pending()), self.device)
@@ -141,7 +141,7 @@ class Learner(OnPolicyRunner):
 
 @contextlib.contextmanager
 def _must_fit(file: Path) -> Iterator[None]:
-    """Turn what a file of another configuration provokes into a ConfigError."""
+    """Turn the errors that a file of another configuration causes into a ConfigError."""
     try:
         yield
     except (KeyError, RuntimeError, TypeError, AttributeError, ValueError) as error:

@@ -42,7 +42,7 @@ class TrainingLogger(Logger):
             self.writer: Any = NullWriter()
 
     def stop_logging_writer(self) -> None:
-        """Write what is buffered, and end the progress line."""
+        """Write buffered data, and end the progress line."""
         self._progress.close()
         if self.writer is not None:
             self.writer.close()
@@ -74,7 +74,7 @@ class TrainingLogger(Logger):
         )
 
     def state_dict(self) -> dict[str, Any]:
-        """What an exact resume needs: totals, unfinished episodes, and the last finished ones."""
+        """State for an exact resume: totals, unfinished episodes, and the last finished ones."""
         state = {name: getattr(self, name) for name in (*_NUMBERS, *_TENSORS)}
         return state | {name: list(getattr(self, name)) for name in _BUFFERS}
 

@@ -14,7 +14,7 @@ from posture.learning import parallel
 class ShuffledStorage(RolloutStorage):
     """rsl-rl's roll-out storage, with the same mini-batches as slices of samples that are shuffled once per iteration.
 
-    rsl-rl draws one order of the samples per iteration and uses it in every epoch, but gathers the samples anew each time.
+    rsl-rl draws one order of the samples per iteration and uses it in every epoch, but gathers the samples again each time.
     With a small network on a CPU that gathering is the slowest part of PPO.
     """
 

@@ -1,4 +1,4 @@
-"""Checks that a saved training can continue, from its files alone, before physics is built."""
+"""Checks from its files that a saved training can continue, before physics is built."""
 
 import contextlib
 from collections.abc import Iterator
@@ -72,7 +72,7 @@ def _check_model(content: dict[str, Any], run: TrainConfig, model: Path) -> None
 
 @contextlib.contextmanager
 def _must_be_whole(problem: str) -> Iterator[None]:
-    """Turn what damaged content provokes into a ConfigError: `problem` and the reason."""
+    """Turn the errors that damaged content causes into a ConfigError: `problem` and the reason."""
     try:
         yield
     except (KeyError, IndexError, AttributeError, RuntimeError, TypeError, ValueError) as error:

@@ -3,7 +3,7 @@
 python -m posture.play                                   # the shipped policy; prints the address of the page
 python -m posture.play ckpt=runs/<run> port=8090
 python -m posture.play ckpt=lqr hip_k=60                 # the model-based controller
-python -m posture.play record=out.html                   # no page: one file that plays by itself, without Python
+python -m posture.play record=out.html                   # no page: one file that plays without Python
 """
 
 from __future__ import annotations

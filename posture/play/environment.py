@@ -38,7 +38,7 @@ class Settings:
 
     @property
     def without_freq(self) -> tuple[float, ...]:
-        """All settings but the frequency: what the least cost as a function of frequency depends on."""
+        """All settings but the frequency. The least cost as a function of frequency depends on them."""
         return astuple(self)[1:]
 
 

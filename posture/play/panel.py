@@ -60,7 +60,7 @@ class Panel:
         """Update the sliders where the session changed a setting itself: in a ramp, or with another policy.
 
         A slider that the user just moved differs from its setting until its callback has run; it must not be moved back.
-        Hence the comparison is with the value last shown.
+        Therefore the comparison is with the value last shown.
         """
         for name, slider in self._sliders.items():
             value = self._slider_value(name)

@@ -27,7 +27,7 @@ class Controller(Protocol):
     """Computes the normalised torques of hip and ankle."""
 
     message: str
-    """What the user should know about the controller's present state; empty if nothing."""
+    """A message for the user about the controller's state; empty if none."""
 
     def act(self, env: PlayEnv, settings: Settings) -> torch.Tensor:
         """The action for the next control step, (1, 2)."""

@@ -28,7 +28,7 @@ FEET = [BODIES.index(name) for name in ("foot_left", "foot_right")]
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """What the page draws of one moment.
+    """The state of one moment, for the page to draw.
 
     pose: frames of `envs.body.joints.BODIES`, position [m] and quaternion x y z w, (5, 7). head, target: along x [m].
     force: of the ground on the left and right foot [N], (2, 3); point: where it acts in the world [m], (2, 3). cop: centre

@@ -1,11 +1,11 @@
 """Reproduce the paper: train and evaluate every experiment, and write one page of claims, measurements and verdicts.
 
 python -m posture.reproduce seeds=1                      # a policy of each condition
-python -m posture.reproduce                              # all seeds; what is done is not repeated
-python -m posture.reproduce stages=[report]              # the page only, of what has been reached
+python -m posture.reproduce                              # all seeds; finished jobs are not repeated
+python -m posture.reproduce stages=[report]              # only the page, from the results so far
 python -m posture.reproduce launcher=submitit_slurm      # the trainings on a cluster
 
-Trainings and evaluations are commands of their own. Each is printed before it is run, and can be run by itself as well.
+Trainings and evaluations are separate commands. Each is printed before it is run, and can also be run separately.
 """
 
 import shlex
@@ -38,7 +38,7 @@ REPORT_EVERY_S = 60.0
 
 @dataclass(frozen=True)
 class Plan:
-    """The jobs by experiment: trainings, those of them that `seeds` asks for, and evaluations."""
+    """The jobs by experiment: trainings, those of them with the requested `seeds`, and evaluations."""
 
     trainings: Mapping[str, Sequence[Job]]
     wanted: Mapping[str, Sequence[Job]]
@@ -46,7 +46,7 @@ class Plan:
 
 
 def reproduce(config: ReproduceConfig, _folder: Path) -> None:
-    """Run the stages of `config`. Exits with 1 if a job failed; the report shows what was reached."""
+    """Run the stages of `config`. Exits with 1 if a job failed; the report shows the results so far."""
     run_dir.writable(Path(config.out))
     plan = make_plan(config)
     wanted = [job for own in plan.wanted.values() for job in own]
@@ -76,7 +76,7 @@ def make_plan(config: ReproduceConfig) -> Plan:
 
 
 def train(plan: Plan, config: ReproduceConfig, progress: SweepProgress) -> bool:
-    """Train what is not done yet, with a progress line now and then; whether a sweep failed."""
+    """Run the trainings that are not done, with a progress line at intervals; return whether a sweep failed."""
     failed = False
     with report_periodically(progress, "whole", REPORT_EVERY_S):
         for name in TRAININGS:

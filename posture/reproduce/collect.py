@@ -1,4 +1,4 @@
-"""Read what the jobs of every experiment left in their folders, and compute the theory beside it."""
+"""Read the results of every experiment's jobs from their folders, and compute the theory for them."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def collect(
 
 
 def other_runs(jobs: Sequence[Job]) -> list[Path]:
-    """Runs with a checkpoint in the sweeps of `jobs` that are none of them: of other physics or another configuration."""
+    """Runs with a checkpoint in the sweeps of `jobs` that none of `jobs` made: of other physics or another configuration."""
     own = {job.folder for job in jobs}
     sweeps = sorted({folder.parent for folder in own if folder.parent.is_dir()})
     return [run for sweep in sweeps for run in run_dir.runs_in(sweep) if run not in own and run_dir.newest_model(run)]

@@ -1,4 +1,4 @@
-"""What the experiments vary and what the report compares: typed access to results, with names and units."""
+"""Variables of the experiments and quantities of the report: typed access to results, with names and units."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a reproduction has reached: the data that verdicts, figures and the page are made from."""
+"""The results of a reproduction: the data for verdicts, figures and the page."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Reproduction:
-    """All that was reached.
+    """All results.
 
     results: by experiment, one for each seed and condition. run: configuration of the first policy of Exp. 1. left_out:
     folders with results of other code, another configuration or another policy. ramp_start: first frequency of Exp. 4a [Hz].

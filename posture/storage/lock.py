@@ -1,4 +1,4 @@
-"""One process at a time in a folder: a lock that ends with its process, however the process ends."""
+"""One process at a time in a folder: a lock that is released when its process ends, in any way."""
 
 import contextlib
 import os

@@ -1,7 +1,7 @@
-"""What made a result: command, commit, library versions, and digests of the source code that decides it.
+"""Provenance of a result: command, commit, library versions, and digests of the source code that determines it.
 
-A digest changes with the code of the packages that take part, and with nothing that leaves results alone: not with comments,
-docstrings, layout, type annotations, messages of errors, printed text, or the range checks of envs/config.py and
+A digest changes with the code of the packages that take part, except for code that does not affect results: comments,
+docstrings, layout, type annotations, messages of errors, printed text, and the range checks of envs/config.py and
 posture/config/. Digests of different minor versions of Python differ, since they are computed from its syntax tree.
 """
 
@@ -24,9 +24,9 @@ from posture.storage.migration import VERSION
 
 ROOT = Path(__file__).resolve().parents[2]
 TRAINING = ("envs/task", "envs/body", "envs/engines", "posture/learning")
-"""Packages that decide what a training learns."""
+"""Packages that determine the result of a training."""
 ANALYSIS = ("posture/analysis", "posture/evaluation", "posture/theory")
-"""Packages that decide what an evaluation measures, and what theory predicts beside it."""
+"""Packages that determine the results of an evaluation and of the theory."""
 PRESENTATION = ("__main__.py", "figures.py", "progress.py", "table.py", "tables.py")
 """Files of these packages that only show results."""
 LIBRARIES = ("newton", "warp-lang", "mujoco", "mujoco-warp", "rsl-rl-lib", "torch", "numpy", "scipy", "clarabel")
@@ -65,13 +65,13 @@ def library_versions() -> dict[str, str]:
 
 @cache
 def training_code() -> str:
-    """Digest of the code that decides what is learned, twelve hexadecimal digits."""
+    """Digest of the code that determines the result of a training, twelve hexadecimal digits."""
     return _digest(source_files(TRAINING))
 
 
 @cache
 def analysis_code() -> str:
-    """Digest of the code that decides what is measured, twelve hexadecimal digits."""
+    """Digest of the code that determines the result of an evaluation, twelve hexadecimal digits."""
     return _digest(source_files(ANALYSIS))
 
 
@@ -92,7 +92,7 @@ def _digest(paths: Sequence[Path]) -> str:
 
 
 class _Reduce(ast.NodeTransformer):
-    """Removes from a syntax tree what does not decide a result."""
+    """Removes the parts of a syntax tree that do not affect a result."""
 
     def visit_Expr(self, node: ast.Expr) -> ast.AST | None:  # noqa: N802 - ast's name
         """Remove docstrings and printing."""

@@ -1,4 +1,4 @@
-"""The map of the stander's postural modes: hip stiffness by frequency, and what moves the transition."""
+"""The map of the stander's postural modes, hip stiffness by frequency, and the transition by other parameters."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def draw_map(body: Segments, config: TheoryConfig, tables: TheoryTables, path: P
     """Draw the map and write it to `path`; `tables` are those of `all_tables`.
 
     Left: how the least-torque sinusoid shares the motion between ankle and hip, over the plane of Fig. 13 continued to the
-    highest frequency of Exp. 1, with the transition frequencies [Hz], at which the ankle stands still. Right: the transition
-    against each other parameter alone.
+    highest frequency of Exp. 1, with the transition frequencies [Hz], at which the ankle does not move. Right: the
+    transition against each other parameter.
     """
     with matplotlib.rc_context(STYLE):
         fig = Figure(figsize=(9.0, 5.2), layout="constrained")
@@ -96,7 +96,7 @@ def _draw_plane(ax: Axes, body: Segments, config: TheoryConfig, rows: Sequence[M
 
 
 def _ankle_over_hip(motion: PeriodicMotion) -> float:
-    """The part of the ankle's first harmonic that goes with the hip's, over the hip's [-]."""
+    """The part of the ankle's first harmonic in phase with the hip's, over the hip's [-]."""
     hip, ankle = motion.coefficients[1, HIP], motion.coefficients[1, ANKLE]
     return float((ankle * np.conj(hip)).real / abs(hip) ** 2)
 

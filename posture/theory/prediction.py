@@ -1,4 +1,4 @@
-"""What the linear stander does in one condition, as a row that can stand beside measured ones."""
+"""The prediction of the linear stander for one condition, as a row comparable with measured ones."""
 
 from __future__ import annotations
 

@@ -6,8 +6,8 @@ linear in the unknowns Re Q_k, Im Q_k, harmonic by harmonic (`Stander.torque_res
 S instants of a cycle, a quadratic cost and the limits make a quadratic program, which the interior-point solver Clarabel
 (Goulart and Chen 2024) solves.
 
-What is computed differs from the optimum over all periodic motions in two ways, both small and measured by tests: n is
-finite, which makes the cost slightly too high, and between two samples a limit may be slightly exceeded.
+The result differs from the optimum over all periodic motions in two ways, both small and measured by tests: n is finite,
+which makes the cost slightly too high, and between two samples a limit may be slightly exceeded.
 """
 
 from __future__ import annotations

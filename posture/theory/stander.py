@@ -55,7 +55,7 @@ PITCH = np.array([[0.0, -1.0], [-1.0, -1.0]])
 
 @dataclass(frozen=True, eq=False)
 class Stander:
-    """Linear plant and its outputs; order (hip, ankle) throughout. See the module's head for signs and derivation.
+    """Linear plant and its outputs; order (hip, ankle) throughout. See the module's docstring for signs and derivation.
 
     mass [kg m2], damping [Nm s/rad], stiffness with gravity [Nm/rad]: M, D, K of both joints of a kind together, (2, 2).
     offset: o, constant torque of both joints of a kind that holds it upright [Nm], (2,). head: J [m/rad], (2,).

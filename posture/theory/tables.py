@@ -1,4 +1,4 @@
-"""The theory's tables: what the torque-optimal stander does in each experiment of the paper."""
+"""The theory's tables: the torque-optimal stander in each experiment of the paper."""
 
 from __future__ import annotations
 
@@ -194,7 +194,7 @@ def transition(body: Segments, config: TheoryConfig) -> TheoryTable[AllTransitio
 
 
 def varied(config: EnvConfig, **changes: float) -> EnvConfig:
-    """`config` with some of its numbers changed, checked anew."""
+    """`config` with some of its numbers changed, checked again."""
     return EnvConfig.model_validate(config.model_dump() | changes)
 
 

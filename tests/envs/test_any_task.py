@@ -91,7 +91,7 @@ def check_task(config):
         return check_ended()
 
     env._ended = ended
-    # Standing still must not diverge. Under random torques a step may, but all that is learned from stays finite.
+    # Standing still must not diverge. Under random torques a step may, but all inputs of learning stay finite.
     for step in range(STEPS):
         action = torch.zeros(8, 2) if step < STEPS // 2 else torch.empty(8, 2).uniform_(-1.5, 1.5)
         observation, reward, _, extras = env.step(action)

@@ -1,4 +1,4 @@
-"""What a training prints about schedules of weights that it does not finish."""
+"""The warning of a training that ends before a schedule of a weight."""
 
 import pytest
 

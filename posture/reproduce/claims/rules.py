@@ -1,6 +1,6 @@
 """The rules by which a claim of the paper is judged: means over seeds in, an outcome and its reason out.
 
-The same rules are applied to the values in theory, which shows whether a claim follows from economy of effort alone.
+The same rules are applied to the values in theory, which shows whether economy of effort is sufficient for a claim.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from posture.reproduce.quantities import Variable
 
 
 class Outcome(StrEnum):
-    """What became of a claim."""
+    """The outcome of a claim."""
 
     REPRODUCED = "reproduced"
     PARTLY = "partly"
@@ -68,7 +68,7 @@ def trend_rule(what: str, rules: ClaimRules, needed: float | None = None) -> str
 
 
 def graded(reproduced: bool, partly: bool, finding: str) -> Judgement:
-    """The judgement from what holds, the stricter condition first."""
+    """The judgement from two conditions, the stricter one first."""
     return Judgement(Outcome.REPRODUCED if reproduced else Outcome.PARTLY if partly else Outcome.NOT, finding)
 
 

@@ -1,4 +1,4 @@
-"""What a well-trained reproduction should reach, and whether it does. Results in, targets out."""
+"""Targets for a well-trained reproduction, and whether they are met. Results in, targets out."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ def _between(
     published: Mapping[Condition, float],
     margin: float,
 ) -> Target:
-    """Between the values of the least-torque motion and of paper Table 3, whichever is larger, give or take `margin`."""
+    """Between the values of the least-torque motion and of paper Table 3, whichever is larger, within `margin`."""
     required = f"at each frequency between the least-torque motion and paper Table 3, within {margin:.0%}"
     means = seed_means(results, BY, quantity.measured)
     least = theory_means(results, BY, quantity.least)

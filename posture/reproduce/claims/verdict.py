@@ -54,10 +54,10 @@ class Transitions:
 
 @dataclass(frozen=True)
 class Verdict:
-    """A claim of the paper and what became of it.
+    """A claim of the paper with its outcome.
 
     published: the paper's numbers. finding: the result in a few words. measured: the same with numbers, means over seeds
-    with 95 % bootstrap intervals. theory: what the linear stander shows. rule: how the claim was judged. comment: what
+    with 95 % bootstrap intervals. theory: the same in the linear stander. rule: how the claim was judged. comment: what
     theory says about a claim that is not reproduced in full.
     """
 
@@ -75,7 +75,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Claim:
-    """What the paper claims, and the rule for it. note: what to add where it is not reproduced in full."""
+    """A claim of the paper, and the rule that judges it. note: added to the comment where it is not reproduced in full."""
 
     key: str
     experiment: str
@@ -137,7 +137,7 @@ def _in_theory(
 
 
 def _comment(outcomes: Mapping[str, Outcome]) -> str:
-    """What theory says about a claim that the results do not reproduce in full; empty without a value in theory."""
+    """The theory's explanation of a claim that is not reproduced in full; empty without a value in theory."""
     shows = [name for name, outcome in outcomes.items() if outcome is Outcome.REPRODUCED]
     lacks = [f"{name}: {outcome}" for name, outcome in outcomes.items() if outcome is not Outcome.REPRODUCED]
     if shows and lacks:

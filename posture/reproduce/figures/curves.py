@@ -1,6 +1,6 @@
 """The paper's figures of quantities against a condition, redrawn from several seeds: each function fills a given figure.
 
-Beside the means over seeds stand the torque-optimal stander and the optimum of the trained reward, where they have values.
+The means over seeds are drawn with the torque-optimal stander and the optimum of the trained reward, where they have values.
 """
 
 from __future__ import annotations

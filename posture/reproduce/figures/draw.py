@@ -1,6 +1,6 @@
 """The paper's Figs 2 to 13 and Table 3 redrawn from the results, beside the paper's claims and the theory.
 
-Figures are numbered as in the paper; each shows what the paper's figure of that number is about.
+Figures are numbered as in the paper; each has the subject of the paper's figure of that number.
 """
 
 from __future__ import annotations

@@ -101,7 +101,7 @@ def draw_theory(
 def mark_falls(ax: Axes, results: Sequence[Result], x: Variable, *, level: int = 0, colour: str = FALL_COLOUR) -> None:
     """Mark a condition in which a seed has no valid result with a line, and above it a cross and "fallen/seeds".
 
-    The text stands `level` lines higher, for several groups of results in one panel.
+    The text is placed `level` lines higher, for several groups of results in one panel.
     """
     for (at,), group in group_by(results, (x,)).items():
         invalid = sum(not result.valid for result in group)
@@ -138,7 +138,7 @@ def phase_axis(ax: Axes) -> None:
 
 
 def legend(fig: Figure, axes: Sequence[Axes], columns: int) -> None:
-    """One legend above all panels, with each label once: what each panel shows, what holds for every line, the paper."""
+    """One legend above all panels, with each label once: those of the panels, those common to all lines, the paper's."""
     entries: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):

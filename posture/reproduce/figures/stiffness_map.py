@@ -29,7 +29,7 @@ _THEORY = {"color": "black", "lw": 1.5, "ls": "--"}
 def stiffness_map(fig: Figure, results: Sequence[Result], paper: Published) -> None:
     """Fig. 13: mean over seeds of the correlation, with its zero contour and that of the torque-optimal stander.
 
-    The modes of the paper's Exp. 3 stand along the upper edge. Each seed is a dot in its cell, in the colour of its own
+    The modes of the paper's Exp. 3 are drawn along the upper edge. Each seed is a dot in its cell, in the colour of its own
     correlation; a cell in which one fell is hatched.
     """
     ax = fig.subplots()

@@ -1,4 +1,4 @@
-"""Where the results of a report come from: which trainings, how long they took, and with which code and versions."""
+"""The provenance section of the report: the trainings, their duration, code and library versions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ FEW = 3
 
 
 def warnings(trainings: Sequence[Training], left_out: Sequence[str]) -> list[str]:
-    """What the reader must know first: trainings that differ in code or versions, and results that were left out."""
+    """Warnings at the top of the page: trainings that differ in code or versions, and results that were left out."""
     texts = []
     if differences := _differences([training for training in trainings if training.done]):
         texts.append(MIXED.format(what="; ".join(differences)))
@@ -63,7 +63,7 @@ def _code(start: Mapping[str, Any]) -> str:
 
 
 def _differences(trainings: Sequence[Training]) -> list[str]:
-    """In what the starts of the trainings differ: code, versions of the libraries."""
+    """The differences between the starts of the trainings: code, library versions."""
     names: dict[str, dict[str, list[str]]] = {}
     packages = sorted({name for training in trainings for start in training.starts for name in start["versions"]})
     for training in trainings:

@@ -54,7 +54,7 @@ def _sections(
     figures: Mapping[str, Path],
     commands: Sequence[str],
 ) -> list[Section]:
-    """The sections of the page. What was not measured has neither table nor figure, and an empty section is left out."""
+    """The sections of the page. Tables and figures without results, and empty sections, are left out."""
     run, results, trainings = reproduction.run, reproduction.results, reproduction.trainings
     numbers = numbers_in_text(run, paper)
     frequency, energy, stiffness, ramp, load, engines = (
@@ -122,7 +122,7 @@ def numbers_in_text(run: TrainConfig, paper: Published) -> dict[str, float]:
 
 
 def _in_full(claim: Verdict) -> str:
-    """All about a claim, and the rule by which it was judged."""
+    """A claim in full, and the rule by which it was judged."""
     parts = {
         "Published": claim.published,
         "Measured": claim.measured,

@@ -42,13 +42,13 @@ ENGINES = {"sagittal": "planar", "mujoco": "SolverMuJoCo", "mujoco_c": "MuJoCo C
 
 
 def verdict_table(verdicts: Sequence[Verdict]) -> Table:
-    """Each claim of the paper with its verdict, what is published and what was found."""
+    """Each claim of the paper with its verdict, the published result and ours."""
     rows = [[f"{v.experiment}: {v.claim}", v.verdict, v.published, v.finding] for v in verdicts]
     return Table(["the paper's claim", "verdict", "published", "found"], rows, "The paper's claims and our verdicts")
 
 
 def target_table(targets: Sequence[Target]) -> Table:
-    """What a well-trained reproduction should reach, and whether it does."""
+    """The targets for a well-trained reproduction, and whether they are met."""
     met = {True: "met", False: "**missed**", None: "not measured"}
     rows = [[t.name, met[t.met], t.required, t.measured] for t in targets]
     return Table(["target", "", "required", "measured"], rows, "Targets of the training, and whether they are met")

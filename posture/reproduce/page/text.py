@@ -1,4 +1,4 @@
-"""The report's sentences, in Markdown: how to read it, and what its figures show. Numbers in braces are filled in."""
+"""The report's text, in Markdown: how to read it, and captions of its figures. Numbers in braces are filled in."""
 
 TITLE = "Does a learning stander switch its postural mode?"
 

@@ -1,4 +1,4 @@
-"""The body against hand arithmetic and against MuJoCo's own reading of the same file."""
+"""The body model against hand calculation, the paper, and MuJoCo's compiler on the same file."""
 
 import math
 
@@ -25,12 +25,12 @@ def capsule(length, radius):
     return math.pi * radius**2 * length + 4 / 3 * math.pi * radius**3
 
 
-def test_mass_is_the_papers(model):
+def test_total_mass_is_that_of_the_paper(model):
     mass = model.body_mass.numpy().reshape(2, -1)
     assert mass.sum(1) == pytest.approx([40.15, 40.15], abs=0.02)  # paper Table 1
 
 
-def test_mass_of_each_segment_by_hand(model):
+def test_segment_masses_by_hand(model):
     # Solids of density 1000 kg/m3, dimensions in metres.
     head, hand = (4 / 3 * math.pi * r**3 for r in (0.09, 0.04))
     upper_arm = capsule(math.dist((0, 0.17, 0.03), (0, 0.21, -0.19)), 0.04)
@@ -56,8 +56,8 @@ def test_centre_of_mass_at_rest(model):
     assert centre[1] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_newton_reads_what_mujoco_reads(model, mujoco_model):
-    """Masses, centres and inertias of the importer agree with MuJoCo's own compiler to single precision."""
+def test_newton_importer_agrees_with_mujoco(model, mujoco_model):
+    """Masses, centres of mass and inertias, to single precision."""
     for i, name in enumerate(BODIES):
         body = mujoco_model.body(name)
         assert model.body_mass.numpy()[i] == pytest.approx(body.mass[0], rel=1e-5)
@@ -69,7 +69,7 @@ def test_newton_reads_what_mujoco_reads(model, mujoco_model):
         assert model.body_inertia.numpy()[i] == pytest.approx(inertia, abs=1e-5)
 
 
-def test_lengths_and_limits(model, mujoco_model):
+def test_segment_lengths_and_joint_limits(model, mujoco_model):
     shape = geometry(model)
     data = mujoco.MjData(mujoco_model)
     mujoco.mj_forward(mujoco_model, data)
@@ -94,7 +94,7 @@ def test_soles_just_touch_the_ground(mujoco_model):
         assert sole.xpos[2] - radius == pytest.approx(0.0, abs=1e-9)
 
 
-def test_springs_are_those_of_the_configuration(env_config):
+def test_springs_and_dampers_follow_the_configuration(env_config):
     model = build_model(env_config("env.hip_k=70", "env.ankle_k=30", "env.joint_damping=2"), num_worlds=1, device="cpu")
     assert model.joint_stiffness.numpy()[6:] == pytest.approx([70, 30, 70, 30])
     assert model.joint_damping.numpy()[6:] == pytest.approx([2] * 4)

@@ -1,4 +1,4 @@
-"""Worlds that diverge, physics that is cut short, and what must be the same bits: the environment in every engine."""
+"""Diverged worlds, dropped constraints, and bitwise reproducibility of the environment in every engine."""
 
 import math
 
@@ -26,7 +26,7 @@ def engine(request):
 
 @pytest.fixture(scope="module")
 def make(engine, env_config):
-    """A function to a new environment of the engine under test, which senses all there is."""
+    """A function that makes an environment in the engine under test with all observation terms."""
     sensed = f"++env.observations={{policy:[{','.join(TERMS)}]}}"
 
     def made(*overrides, seed=1):
@@ -46,12 +46,12 @@ def all_finite(observation, reward, extras):
 
 
 def harmed(env, harm, action):
-    """One step of `env` in which world BROKEN alone gets the `harm`."""
+    """One step of `env` in which only world BROKEN gets the `harm`."""
     if harm == "nan action":
         action = action.clone()
         action[BROKEN, 0] = math.nan
         return env.step(action)
-    # Actions are clipped: only beyond the environment's reach can a torque be as large.
+    # Actions are clipped, so such a torque can only be given to the engine directly.
     step, more = env.sim.step, torch.zeros(WORLDS, 4)
     more[BROKEN] = {"nan torque": math.nan, "infinite torque": math.inf, "torque of 1e7": 1e7}[harm]
     env.sim.step = lambda torque: step(torque + more)
@@ -61,7 +61,7 @@ def harmed(env, harm, action):
         env.sim.step = step
 
 
-# Episodes of seven steps: the harm is done in the very step in which they time out.
+# Episodes of seven steps: the bad input comes in the step in which they time out.
 @pytest.mark.parametrize(
     ("harm", "reward_of_an_end"),
     [
@@ -72,9 +72,9 @@ def harmed(env, harm, action):
         ("torque of 1e7", "null"),
     ],
 )
-def test_a_broken_world_ends_alone_and_is_reset(make, harm, reward_of_an_end):
-    """It ends in the same step, early even where that is its episode's last; all that comes out is finite; its neighbours
-    are the bits they are without it; afterwards it moves as one that has never moved."""
+def test_diverged_world_ends_its_episode_and_is_reset(make, harm, reward_of_an_end):
+    """The episode ends early in that step, even if it would also time out. All outputs are finite, the other worlds are
+    unchanged bit for bit, and after the reset the world moves like a new one."""
     before, after = actions(6), actions(8, size=0.1)
     overrides = (f"env.reward.ended={reward_of_an_end}", "env.episode_steps=7")
     env, calm = make(*overrides), make(*overrides)
@@ -92,10 +92,10 @@ def test_a_broken_world_ends_alone_and_is_reset(make, harm, reward_of_an_end):
     assert float(extras["log"]["/tracking_error_mm"]) < 1e3 and float(extras["log"]["/cost"]) <= 4.0
     assert torch.equal(reward[others], calm_reward[others])
 
-    # A fresh world in the same episode: of the same target.
+    # A new environment with the same target.
     fresh = make(*overrides)
     fresh.reset_all()
-    fresh.steps = env.steps  # which the weights of the reward follow
+    fresh.steps = env.steps  # scheduled weights depend on it
     assert torch.equal(env.freq, fresh.freq)
     for action in after[1:7]:
         (seen, got, _, more), (as_calm, calm_got, *_), (as_fresh, fresh_got, *_) = (
@@ -106,7 +106,7 @@ def test_a_broken_world_ends_alone_and_is_reset(make, harm, reward_of_an_end):
         assert torch.equal(seen["policy"][BROKEN], as_fresh["policy"][BROKEN]) and got[BROKEN] == fresh_got[BROKEN]
 
 
-def test_half_a_turn_in_a_physics_step_is_too_fast(engine, env_config):
+def test_top_speed_is_half_a_turn_in_a_physics_step(engine, env_config):
     """In flight at 0.9 of the bound a world moves; at 1.1 it has diverged, and its outputs are those before the step."""
     config = env_config(f"env.physics={engine}")
     bound = top_speed(config)
@@ -123,7 +123,7 @@ def test_half_a_turn_in_a_physics_step_is_too_fast(engine, env_config):
 
 
 def fling(sim, world, speed):
-    """Give a world 100 m of height and a `speed` [m/s] along x, which each engine holds its own way."""
+    """Put a world 100 m up with a `speed` [m/s] along x; each engine has its own state."""
     state = sim.state_dict()
     if "q" in state:
         state["q"][world, 1] += 100.0
@@ -137,12 +137,12 @@ def fling(sim, world, speed):
     sim.load_state_dict(state)
 
 
-# -- room for contacts and constraints -------------------------------------------------------------------------------------
+# -- capacity for contacts and constraints -------------------------------------------------------------------------------
 
 
-def crouched(config, **room):
+def crouched(config, **capacity):
     """Both feet pressed into the ground and four joints past their limits: 4 contacts of 4 rows, and 4 rows more."""
-    solver = SolverConfig.model_validate(config.solver.model_dump() | room)
+    solver = SolverConfig.model_validate(config.solver.model_dump() | capacity)
     sim = NewtonMujocoSimulation(config.model_copy(update={"solver": solver}), 2, "cpu")
     sim.joint_angle[:] = 0.9
     sim._joint_q[:, 2] -= 1.0
@@ -150,22 +150,22 @@ def crouched(config, **room):
     return sim
 
 
-def test_an_error_names_the_number_of_rows_that_was_needed(config):
-    """The needs of this posture are counted by hand; one row less is an error, and what the error names is enough."""
+def test_overflow_error_states_the_number_of_rows_needed(config):
+    """The rows of this posture are counted by hand. One row less is an error; the size that the error states is enough."""
     with pytest.raises(ConstraintOverflowError, match="env.solver.constraint_rows = 19, needed at least 20$"):
         crouched(config, constraint_rows=19).check_capacity()
     crouched(config, constraint_rows=20, contacts=4).check_capacity()  # four is all that two soles can have
 
 
-def test_an_evaluation_with_too_little_room_fails_and_leaves_no_result(monkeypatch, tmp_path):
-    """What escapes the command ends it with 1, and there is nothing that could pass for a result."""
+def test_evaluation_with_an_overflow_fails_and_writes_no_result(monkeypatch, tmp_path):
+    """The uncaught error gives exit code 1, and no file of results is left."""
     monkeypatch.chdir(tmp_path)
     call(monkeypatch, "train", *TINY, "evaluate=false", "max_iterations=1")
     build = NewtonMujocoSimulation.__init__
 
     def cramped(sim, *arguments):
         build(sim, *arguments)
-        sim._data.njmax = 8  # the solver itself would not take less than the 16 rows of two flat feet
+        sim._data.njmax = 8  # the solver's own minimum is the 16 rows of two flat feet
 
     monkeypatch.setattr(NewtonMujocoSimulation, "__init__", cramped)
     with pytest.raises(ConstraintOverflowError, match="env.solver.constraint_rows = 8, needed at least"):
@@ -174,11 +174,11 @@ def test_an_evaluation_with_too_little_room_fails_and_leaves_no_result(monkeypat
     assert "model_1.pt" in left and not left & {"metrics.csv", "trajectories.npz", "table.md", "trial.yaml"}
 
 
-# -- the same bits ---------------------------------------------------------------------------------------------------------
+# -- reproducibility -----------------------------------------------------------------------------------------------------
 
 
-def test_the_same_seed_gives_the_same_bits_and_another_seed_does_not(make):
-    """Two environments of one seed, episodes that end and begin anew included."""
+def test_same_seed_is_bitwise_reproducible_and_another_seed_differs(make):
+    """Over several episodes."""
     drawn = ("env.episode_steps=[3,9]", "env.freq=[0.1,1.5]")
     one, two, other = make(*drawn), make(*drawn), make(*drawn, seed=2)
     differ = False

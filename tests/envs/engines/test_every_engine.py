@@ -1,4 +1,4 @@
-"""What the interface promises, in every engine: worlds are independent, resets and saved states are exact to the bit."""
+"""The contract of the interface in every engine: worlds are independent, resets and saved states are bitwise exact."""
 
 import math
 
@@ -48,7 +48,7 @@ def test_impossible_subjects_are_refused(make, name):
     assert torch.equal(getattr(sim, name), before)
 
 
-def test_a_reset_world_moves_like_a_new_one_and_leaves_its_neighbours_alone(make):
+def test_a_reset_world_moves_like_a_new_one_and_the_others_are_unchanged(make):
     """One world after wild motion, one that has diverged."""
     sim, undisturbed, new = (make(4) for _ in range(3))
     torques = pushes(12, 4)

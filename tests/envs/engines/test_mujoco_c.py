@@ -185,7 +185,7 @@ def test_velocities_are_those_of_the_positions(config):
 
 @pytest.mark.parametrize("size", [1e30, math.inf, math.nan])
 def test_a_world_that_mujoco_would_reset_has_diverged(config, size, tmp_path, monkeypatch, capfd):
-    """It is marked and left as it was, its neighbour moves as if alone, a reset makes it like a fresh one; MuJoCo's own
+    """It is marked and keeps its state, the other world is unchanged, and after a reset it is like a new one; MuJoCo's own
     warning and log file do not appear."""
     monkeypatch.chdir(tmp_path)
     sim, calm, fresh = (MujocoCSimulation(config, 2, "cpu") for _ in range(3))
@@ -219,7 +219,7 @@ def test_speeds_that_mujoco_calls_bad_have_diverged(config):
 
 
 def test_dropped_contacts_are_an_error(config):
-    """MuJoCo says so by a counter of each world, which a reset clears; ours remembers."""
+    """MuJoCo counts them in each world, and a reset clears its counter but not ours."""
     sim = MujocoCSimulation(config, 2, "cpu")
     sim.step(torch.zeros(2, 4))
     sim.check_capacity()

@@ -65,7 +65,7 @@ def test_contact_forces_agree_with_mujoco_c(config):
 
 
 def test_standing_carries_the_weight(config):
-    """At rest the ground carries m g, between heel and toe as the centre of mass asks."""
+    """At rest the ground carries m g, divided between heel and toe by the position of the centre of mass."""
     sim = simulation(config)
     for _ in range(20):
         sim.step(torques((0.0, 0.0)))
@@ -141,7 +141,7 @@ def test_load_is_a_point_mass_at_the_centre_of_mass_of_the_hat(config):
 
 @pytest.mark.parametrize(("hip_k", "load"), [(125.0, 4.0), (50.0, 0.0)])
 def test_a_changed_subject_agrees_with_mujoco_c(config, hip_k, load):
-    """Stiffness and load set world by world give what the C solver gives with the same numbers."""
+    """Stiffness and load set for each world agree with the C solver given the same numbers."""
     sim = simulation(config, height=-5e-4)
     sim.set_subject(hip_k=torch.tensor([hip_k]), load=torch.tensor([load]))
     reference = MujocoC(config.model_copy(update={"hip_k": hip_k}), height=-5e-4)

@@ -199,12 +199,12 @@ NEWTON_AGREES = {
     "sole_force": 0.06,
     "sole_position": 2e-6,
 }
-"""Largest differences over half a second [rad, rad/s, Nm, m, m/s, N], two to four times what was measured."""
+"""Largest differences over half a second [rad, rad/s, Nm, m, m/s, N], two to four times those measured."""
 
 
 @pytest.mark.parametrize("name", TRIALS)
 def test_agrees_with_mujoco_c(played, name):
-    """The same equations: what differs is single from double precision, 1e-7 to 1e-6 rad where nothing makes much of it."""
+    """The equations are the same; the differences are of single precision, 1e-7 to 1e-6 rad where nothing amplifies them."""
     found = deviation(played[name]["sagittal"], played[name]["c"])
     assert not {key: value for key, value in found.items() if value > C_AGREES[key] * TRIALS[name].rounding}
 
@@ -400,7 +400,7 @@ def thrown(config):
 
 
 def test_energy_is_conserved_in_flight(thrown):
-    """What drifts is first order in the step: 11 J of 2466 J at the two substeps of the default, 0.7 J at 32."""
+    """The drift is first order in the step: 11 J of 2466 J at the two substeps of the default, 0.7 J at 32."""
     drift = np.abs(thrown[:, :, 0] - thrown[:, :1, 0]).max(1)
     assert_first_order(drift)
     assert drift[-1] < 1.0
@@ -416,7 +416,7 @@ def test_momentum_is_conserved_in_flight(thrown, config):
         assert drift[-1] < allowed
 
 
-def test_joint_torques_leave_momentum_alone(config):
+def test_joint_torques_do_not_change_momentum(config):
     """Actuators, springs and dampers act between the bodies."""
     found = np.stack([history(modified(config, substeps=substeps), 20, (30.0, -10.0)) for substeps in STEPPED])
     for kept in (found[..., 1], found[..., 3]):
@@ -512,7 +512,7 @@ def test_contact_only_pushes_and_within_its_friction(config, friction):
 
 @pytest.mark.parametrize("size", [1e3, 1e6, 1e30, math.inf, -math.inf, math.nan])
 def test_wild_torques_mark_their_worlds_and_no_others(config, size):
-    """Every second world gets wild torques and stays finite; its neighbours move as if alone, bit for bit."""
+    """Every second world gets wild torques and stays finite; the others are unchanged, bit for bit."""
     worlds = 64
     sim, calm = (SagittalSimulation(config, worlds, "cpu") for _ in range(2))
     wild, ever = torch.arange(worlds) % 2 == 1, torch.zeros(worlds, dtype=torch.bool)

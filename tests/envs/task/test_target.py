@@ -1,4 +1,4 @@
-"""The target against paper Eq. 5, its derivatives, and the statistics of what is drawn."""
+"""The target against paper Eq. 5, its derivatives, and the statistics of drawn frequencies and lengths."""
 
 import math
 

@@ -29,7 +29,7 @@ def test_an_unknown_command_is_one_line(tmp_path):
 
 
 def test_every_command_refuses_bad_input_before_slow_imports(tmp_path):
-    """One process after another would import the same: if none of them is slow, neither is each."""
+    """All are imported in one process: if none of them imports a slow module, no single one does."""
     code = (
         "import sys\n"
         "from posture.cli import console\n"
@@ -72,7 +72,7 @@ def test_an_envs_folder_in_the_working_directory_is_not_taken_for_ours(foreign):
 def test_another_envs_that_was_imported_first_is_one_clear_error(foreign):
     (foreign / "envs" / "__init__.py").write_text("")
     failed = python("-c", "import envs, posture", cwd=foreign)
-    assert failed.stderr.splitlines()[-1].startswith("ImportError: posture has a package envs of its own")
+    assert failed.stderr.splitlines()[-1].startswith("ImportError: posture has its own package envs")
 
 
 @pytest.mark.slow

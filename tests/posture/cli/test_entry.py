@@ -16,7 +16,7 @@ NO_FIGURES = ["evaluation.figures=false"]
 
 @pytest.fixture(autouse=True)
 def _elsewhere(tmp_path, monkeypatch):
-    """Runs go to runs/ in the current directory; each test has a directory of its own."""
+    """Runs go to runs/ in the current directory; each test has its own directory."""
     monkeypatch.chdir(tmp_path)
 
 

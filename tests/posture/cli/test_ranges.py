@@ -88,7 +88,7 @@ def test_an_ambiguous_range_is_refused(override, reason):
     shown=st.integers(2, 3),
 )
 def test_values_are_the_exact_progression(first, step, length, decimals, shown):
-    """At up to 15 digits, every one of which a float holds."""
+    """At up to 15 digits, which a float represents exactly."""
     texts = [str(n) if decimals == 0 else f"{n}e-{decimals}" for n in (first + i * step for i in range(length))]
     (written,) = expand_ranges([f"x={','.join(texts[:shown])},...,{texts[-1]}"])
     values = [Fraction(value) for value in written.removeprefix("x=").split(",")]

@@ -33,7 +33,7 @@ def _elsewhere(tmp_path, monkeypatch):
 
 @contextlib.contextmanager
 def started(*arguments):
-    """`python -m posture.train arguments` as the leader of a process group of its own, as a shell starts it."""
+    """`python -m posture.train arguments` as the leader of its own process group, as a shell starts it."""
     command = [sys.executable, "-m", "posture.train", *arguments]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True)
     try:
@@ -61,7 +61,7 @@ def wait_until_group_ends(group):
 
 
 def train(*arguments):
-    """A training in a process of its own."""
+    """A training in its own process."""
     command = [sys.executable, "-m", "posture.train", *arguments]
     done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S)
     assert done.returncode == 0, done.stderr
@@ -182,7 +182,7 @@ def test_a_sweep_stops_with_its_job_saved():
 
 @pytest.mark.slow
 def test_a_job_of_a_sweep_equals_the_same_training_alone(monkeypatch):
-    """The second job of a sweep, in a process that has already trained another, and the same in a process of its own."""
+    """The second job of a sweep, in a process that has already trained another, and the same in its own process."""
     call(monkeypatch, "train", "-m", *PLAIN, "env.hip_k=50,150", "seed=3", "hydra.sweep.dir=sweep")
     other, job = run_dir.runs_in(Path("sweep"))
     train(*PLAIN, "env.hip_k=150", "seed=3", "hydra.run.dir=alone")

@@ -1,4 +1,4 @@
-"""Shared by the tests of the page: its configuration, and sessions whose theory is computed at once."""
+"""Shared by the tests of the page: its configuration, and sessions whose theory is computed immediately."""
 
 from concurrent.futures import Future
 

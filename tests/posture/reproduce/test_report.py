@@ -59,7 +59,7 @@ def make_plan() -> command.Plan:
 
 
 def write_training(job: Job) -> None:
-    """What a training leaves besides its evaluation."""
+    """The files of a training without its evaluation."""
     assert isinstance(job.config, TrainConfig)
     job.folder.mkdir(parents=True)
     provenance.write_config(job.folder, job.config)
@@ -123,7 +123,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[command.Pla
     """The folders of all experiments, and the report on them."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("reproduction"))
-        # Theory has tests of its own, and takes half a minute here.
+        # Theory has its own tests, and takes half a minute here.
         patch.setattr(collect, "theory_transitions", lambda *_: TRANSITIONS)
         patch.setattr(collect, "_with_reward_optimum", lambda results, *_: [replace(r, reward=NO_REWARD) for r in results])
         (job,) = check("reproduce", ReproduceConfig, ["seeds=2", "stages=[report]", "out=report"]).jobs

@@ -56,7 +56,7 @@ def test_a_folder_that_cannot_be_written_is_refused(monkeypatch, capsys, folder)
     assert tree(Path.cwd()) == before and Path("file").read_text() == "mine"
 
 
-def test_a_read_only_folder_is_refused(monkeypatch, capsys, tmp_path):
+def test_a_read_only_folder_is_refused(monkeypatch, capsys):
     """Root may write anywhere, so the error of the file system is raised by hand."""
 
     def deny(*_, dir, **__):
@@ -189,7 +189,7 @@ def test_an_interrupted_sweep_keeps_the_jobs_that_are_done():
     subprocess.run(long, check=True, capture_output=True)
     (done,) = run_dir.runs_in(Path("runs/energy"))
     kept = (done / "model_1.pt").stat().st_mtime_ns
-    # The second job has so many samples an iteration that it does not end by itself.
+    # The second job has so many samples per iteration that it does not finish.
     second = [*sweep, "agent.num_steps_per_env=100000", "env.energy_weight=5"]
     process = subprocess.Popen(second, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 60

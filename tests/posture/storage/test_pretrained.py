@@ -12,7 +12,7 @@ from tests.commands import call, refused
 SHIPPED_SEED = 1  # conf/report.yaml
 TABLES = Path(__file__).parents[3] / "results" / "reproduction" / "tables"
 COMPARED = ("hip_ankle_r", "target_head_r", "head_amplitude_m", "energy_j", "cost")
-# Another processor rounds otherwise, and a hundred seconds of feedback with soft contact carry that on.
+# Another processor rounds differently, and the differences grow over a hundred seconds of feedback with soft contact.
 TOLERANCE = 0.01
 
 pytestmark = pytest.mark.skipif(not PRETRAINED.is_dir(), reason="no policies are shipped yet")

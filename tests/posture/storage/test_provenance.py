@@ -1,4 +1,4 @@
-"""The digests of code change with what decides a result, and with nothing else."""
+"""The digests of code change only with code that affects a result."""
 
 import shutil
 
@@ -86,7 +86,7 @@ def test_types_of_kernels_and_the_body_model_change_the_digest(digest_after, fil
 
 
 def test_every_module_that_takes_part_is_in_a_digest():
-    """All that training and evaluation import, directly or through others, but for the modules that decide nothing."""
+    """All modules that training and evaluation import, directly or not, except those that do not affect a result."""
     graph = grimp.build_graph("envs", "posture", cache_dir=None)
     covered = {".".join(path.relative_to(ROOT).with_suffix("").parts) for path in source_files(TRAINING + ANALYSIS)}
     for start in ("posture.learning.learner", "posture.evaluation.trial"):

@@ -95,7 +95,7 @@ TEXTS = {
 
 
 def refused_without_a_trace(monkeypatch, capsys, command):
-    """The line with which the command ends, after a check that nothing was written."""
+    """The last line of the command's output; nothing may have been written."""
     before = sorted(os.listdir("run"))
     line = refused(monkeypatch, capsys, *COMMANDS[command])
     assert "config.yaml: " in line and SECRET not in line

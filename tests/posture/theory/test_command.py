@@ -57,7 +57,7 @@ def test_tables_and_map(monkeypatch, capsys):
     assert len(table(Path("here/around.csv"))) == 3  # a tolerance beyond the amplitude is left out
 
 
-def test_overrides_and_sweeps_make_a_folder_a_job(monkeypatch, capsys):
+def test_overrides_and_sweeps_make_a_folder_a_job(monkeypatch):
     call(monkeypatch, "theory", "-m", *TINY, "env.hip_k=75,100", "env.load=2")
     jobs = sorted(Path("runs").glob("*/*/theory"))
     assert [job.parent.name[:2] for job in jobs] == ["0_", "1_"]

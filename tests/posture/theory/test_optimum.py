@@ -1,4 +1,4 @@
-"""The least-torque motions against brute force, against each other, and against what the constraints say."""
+"""The least-torque motions against brute force, against each other, and against the constraints."""
 
 import math
 from dataclasses import replace
@@ -201,7 +201,7 @@ def test_indices_of_a_sinusoid_by_hand(stander):
 
 
 def reward(motion, config):
-    """What depends on the motion in the mean reward of a control step, as envs/task/head_tracking.py adds it up;
+    """The part of a control step's mean reward that depends on the motion, as in envs/task/head_tracking.py;
     positive."""
     time = motion.cycle(960)
     terms = config.reward

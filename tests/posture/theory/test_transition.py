@@ -1,4 +1,4 @@
-"""The transition frequency against an equation of its own, against known numbers, and as its parameters move it."""
+"""The transition frequency against an independent equation, against known numbers, and as a function of its parameters."""
 
 import math
 
@@ -18,7 +18,7 @@ def changed_stander(body, config, **changes):
 
 
 def swinging(correlation):
-    """A motion of which `correlation`(freq) is the hip-ankle correlation."""
+    """A motion whose hip-ankle correlation is `correlation`(freq)."""
 
     def motion(freq):
         phase = math.acos(correlation(freq))
@@ -58,7 +58,7 @@ def test_frequencies_without_a_motion_have_no_mode():
 @pytest.mark.parametrize(("hip_k", "load"), [(60.0, 0.0), (75.0, 4.0), (125.0, 0.0), (200.0, 2.0)])
 def test_at_the_switch_the_ankle_stands_still(body, config, hip_k, load):
     """Without damping, the ankle is still where the hip alone, q = (1, 0), is the cheapest of all ways to move the head:
-    where its torques Z (1, 0) are at right angles to Z n. That is a cubic in omega^2, of which numpy finds the roots."""
+    where its torques Z (1, 0) are at right angles to Z n. That is a cubic in omega^2, whose roots numpy finds."""
     stander = changed_stander(body, config, hip_k=hip_k, load=load, joint_damping=0.0)
     idle, hip = np.array([stander.head[1], -stander.head[0]]), np.array([1.0, 0.0])
 
