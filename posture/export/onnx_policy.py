@@ -43,7 +43,7 @@ def check_installed() -> None:
     if missing:
         raise ConfigError(
             f"what=[policy] needs {', '.join(missing)}, which is not installed: "
-            "pip install -c constraints.txt -e '.[export]', or use what=[trajectories]"
+            "python -m pip install onnx onnxscript onnxruntime, or use what=[trajectories]"
         )
 
 

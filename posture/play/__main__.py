@@ -24,7 +24,7 @@ def play(config: PlayConfig, _folder: Path) -> None:
     from posture.config.errors import ConfigError
 
     if find_spec("viser") is None:
-        raise ConfigError("the page needs viser: python -m pip install -c constraints.txt -e '.[play]'")
+        raise ConfigError("the page needs viser, which is not installed: python -m pip install viser")
     # Imported here because they are slow.
     if config.record is not None:
         from posture.play.recording import record
