@@ -71,7 +71,7 @@ class Schedule(Strict):
 
     start: Annotated[float, Field(ge=-10_000, le=10_000)]
     end: Annotated[float, Field(ge=-10_000, le=10_000)]
-    until: Annotated[float, Field(gt=0, le=1000)]
+    until: Annotated[float, Field(gt=0, le=1e9)]
 
     @model_validator(mode="after")
     def _geometric(self) -> "Schedule":

@@ -102,6 +102,8 @@ def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
     with _errors_are_bad_input():
         flags = _flag_parser().parse_intermixed_args(list(argv))
         name = flags.config_name or name
+        if (flags.cfg or flags.info) and (flags.multirun or flags.run):
+            raise ConfigError("--cfg and --info show one configuration: leave out -m and --run")
         if flags.shows or flags.cfg or flags.info:
             return Command(list(argv), name, [], None)
         if flags.resolve or flags.package:

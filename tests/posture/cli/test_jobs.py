@@ -116,6 +116,7 @@ def test_a_sweep_by_the_configuration_itself_is_checked(experiments):
         (["--experimental-rerun=job.pickle"], "unrecognized arguments: --experimental-rerun=job.pickle"),
         (["--multi"], "unrecognized arguments: --multi"),
         (["-p", "env"], "--resolve and --package go together with --cfg"),
+        (["-m", "--cfg", "job", "env.hip_k=50,75"], "--cfg and --info show one configuration: leave out -m and --run"),
         (["--cfg=none"], "argument --cfg/-c: invalid choice"),
         (["env.hip_k=25,50"], "several values for one key make a sweep: add -m"),
         (["-m", "env.hip_k=interval(0,1)"], "env.hip_k=interval(0,1): an interval has no list of values"),

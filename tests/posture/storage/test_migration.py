@@ -46,6 +46,13 @@ def test_version_1_has_schedules_in_control_steps(run):
     assert read_config(run) == expected
 
 
+def test_a_version_1_schedule_may_be_longer_than_its_training(run):
+    env = yaml.safe_load((run / "config.yaml").read_text())["env"]
+    env["reward"]["stay_weight"] = {"start": 5.5, "end": 1.5, "steps": 24000}  # of 2 iterations of 4 steps
+    rewrite(run, version="absent", env=env)
+    assert read_config(run).env.reward.stay_weight.until == 3000
+
+
 @pytest.mark.parametrize("version", [0, VERSION + 1, "2", 1.5, None, [1], True])
 def test_an_unknown_version_is_refused(run, version):
     rewrite(run, version=version)
