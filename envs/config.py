@@ -116,6 +116,7 @@ class SolverConfig(Strict):
     ls_iterations: Annotated[int, Field(ge=1, le=1000)]
     constraint_rows: Annotated[int, Field(ge=1, le=1000)]
     contacts: Annotated[int, Field(ge=1, le=100)]
+    contact_bias: bool
 
 
 class EnvConfig(Strict):

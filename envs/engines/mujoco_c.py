@@ -14,6 +14,7 @@ import torch
 from envs.body.joints import ANKLES, BODIES, FEET, HIPS, JOINTS
 from envs.body.model import MJCF, build_model, geometry
 from envs.config import EnvConfig
+from envs.engines.contact_bias import bias_share, subtract_bias
 from envs.engines.interface import SUBJECT, ConstraintOverflowError, Simulation, top_speed
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -54,6 +55,7 @@ class MujocoCSimulation(Simulation):
         made = [build(unloaded) for _ in range(num_worlds)]
         self._models, self._data = [model for model, _ in made], [data for _, data in made]
         self._top_speed = top_speed(config)
+        self._bias_share = bias_share(config, self._models[0])
         self._find_indices()
         self._allocate()
         self.set_subject(**{name: torch.full((num_worlds,), getattr(config, name)) for name in SUBJECT})
@@ -67,7 +69,11 @@ class MujocoCSimulation(Simulation):
             for world, (model, data) in enumerate(zip(self._models, self._data, strict=True)):
                 mujoco.mj_getState(model, data, before, _STATE)
                 data.qfrc_applied[self._dofs] = torques[world]
-                mujoco.mj_step(model, data, self.config.solver.substeps)
+                for _ in range(self.config.solver.substeps):
+                    mujoco.mj_step1(model, data)
+                    if self._bias_share:
+                        subtract_bias(model, data, self._bias_share)
+                    mujoco.mj_step2(model, data)
                 warned = data.warning.number
                 self._dropped[world] |= bool(warned[_FULL].any())
                 # MuJoCo warns of values that are not finite or above 1e10.

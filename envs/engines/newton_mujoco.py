@@ -11,11 +11,14 @@ import newton
 import torch
 import warp as wp
 from mujoco_warp import OverflowType
+from mujoco_warp._src.support import jac_dot_dof  # not part of its public interface; newton pins its version
+from mujoco_warp._src.types import vec5
 from newton.solvers import SolverMuJoCo
 
 from envs.body.joints import ANKLES, BODIES, FEET, HIPS, JOINTS
 from envs.body.model import build_model, geometry
 from envs.config import EnvConfig
+from envs.engines.contact_bias import bias_share
 from envs.engines.interface import ConstraintOverflowError, Simulation, top_speed
 
 _ROOT_Q, _ROOT_QD = 7, 6
@@ -82,6 +85,58 @@ def _sort_sole_forces(
     position[world, foot, end] = local
 
 
+@wp.kernel(module="unique", enable_backward=False)
+def _subtract_bias(
+    share: float,
+    num_dofs: int,
+    body_parent: wp.array[int],
+    body_root: wp.array[int],
+    joint_type: wp.array[int],
+    joint_first_dof: wp.array[int],
+    dof_body: wp.array[int],
+    dof_joint: wp.array[int],
+    is_ancestor: wp.array2d[int],
+    geom_body: wp.array[int],
+    geom_size: wp.array2d[wp.vec3],
+    subtree_com: wp.array2d[wp.vec3],
+    cdof: wp.array2d[wp.spatial_vector],
+    cvel: wp.array2d[wp.spatial_vector],
+    cdof_dot: wp.array2d[wp.spatial_vector],
+    velocity: wp.array2d[float],
+    num_contacts: wp.array[int],
+    contact_world: wp.array[int],
+    contact_geom: wp.array[wp.vec2i],
+    contact_position: wp.array[wp.vec3],
+    contact_distance: wp.array[float],
+    contact_frame: wp.array[wp.mat33],
+    contact_friction: wp.array[vec5],
+    contact_row: wp.array2d[int],
+    reference: wp.array2d[float],
+) -> None:
+    """`envs.engines.contact_bias.subtract_bias` for one contact of all worlds."""
+    i = wp.tid()
+    if i >= num_contacts[0] or contact_row[i, 0] < 0:
+        return
+    world, geom = contact_world[i], contact_geom[i][1]
+    frame = contact_frame[i]
+    radius = geom_size[world % geom_size.shape[0], geom][0]
+    centre = contact_position[i] + (radius + 0.5 * contact_distance[i]) * frame[0]
+    moving, turning = wp.vec3(), wp.vec3()
+    for dof in range(num_dofs):
+        move_dot, turn_dot = jac_dot_dof(
+            body_parent, body_root, joint_type, joint_first_dof, dof_body, dof_joint, is_ancestor,
+            subtree_com, cdof, cvel, cdof_dot, centre, geom_body[geom], dof, world,
+        )  # fmt: skip
+        moving += velocity[world, dof] * move_dot
+        turning += velocity[world, dof] * turn_dot
+    bias = frame @ (moving - radius * wp.cross(turning, frame[0]))
+    for edge in range(4):
+        direction = edge // 2
+        side = 1.0 - 2.0 * float(edge % 2)
+        row = contact_row[i, edge]
+        reference[world, row] -= share * (bias[0] + side * contact_friction[i][direction] * bias[1 + direction])
+
+
 class NewtonMujocoSimulation(Simulation):
     """The `Simulation` of the full body; its tensors are views of the state."""
 
@@ -120,6 +175,10 @@ class NewtonMujocoSimulation(Simulation):
         if config.load:
             self.set_subject(load=torch.full((num_worlds,), config.load))
         self._graph: Any = None
+        self._bias_share = bias_share(config, self._solver.mj_model)
+        if self._bias_share:
+            # MuJoCo Warp calls this between the reference accelerations and the solver.
+            self._solver.mjw_model.callback.control = self._subtract_bias
 
     def step(self, torque: torch.Tensor) -> None:
         """See `Simulation`."""
@@ -205,6 +264,42 @@ class NewtonMujocoSimulation(Simulation):
                     outputs=[self._dropped_wp, self._most_rows_wp, self._most_contacts_wp],
                 )
             self._read_sensors()
+
+    def _subtract_bias(self, model: mujoco_warp.Model, data: mujoco_warp.Data) -> None:
+        """Subtract the bias acceleration from the reference acceleration of all contacts."""
+        contact = data.contact
+        wp.launch(
+            _subtract_bias,
+            dim=data.naconmax,
+            inputs=[
+                self._bias_share,
+                model.nv,
+                model.body_parentid,
+                model.body_rootid,
+                model.jnt_type,
+                model.jnt_dofadr,
+                model.dof_bodyid,
+                model.dof_jntid,
+                model.body_isdofancestor,
+                model.geom_bodyid,
+                model.geom_size,
+                data.subtree_com,
+                data.cdof,
+                data.cvel,
+                data.cdof_dot,
+                data.qvel,
+                data.nacon,
+                contact.worldid,
+                contact.geom,
+                contact.pos,
+                contact.dist,
+                contact.frame,
+                contact.friction,
+                contact.efc_address,
+            ],
+            outputs=[data.efc.aref],
+            device=self.model.device,
+        )
 
     def _read_sensors(self) -> None:
         self._sole_force_wp.zero_()

@@ -13,6 +13,7 @@ from envs.body.joints import ANKLE, BODIES, FEET, HIP, JOINTS
 from envs.body.model import build_model, geometry
 from envs.body.segments import Segments, segments
 from envs.config import EnvConfig
+from envs.engines.contact_bias import bias_share, sole_contact, stiffness_and_damping
 from envs.engines.interface import SUBJECT, Simulation, top_speed
 from envs.engines.sagittal_contact import Softness, vec5
 from envs.engines.sagittal_kernel import Body, advance, write_all_outputs
@@ -178,13 +179,9 @@ def _constants(body: Segments, config: EnvConfig, model: mujoco.MjModel) -> Any:
         setattr(result, name, wp.vec2(*map(float, point)))
     result.joint_damping, result.joint_armature = config.joint_damping, config.joint_armature
 
-    # MuJoCo combines the two surfaces when they touch, so a sole is pressed into the ground.
-    data = mujoco.MjData(model)
-    data.qpos[2] -= 1e-3
-    mujoco.mj_forward(model, data)
-    contact = data.contact[0]
-    result.friction = float(contact.friction[0])
-    result.contact = _softness(contact.solref, contact.solimp, step)
+    solref, solimp, result.friction = sole_contact(model)
+    result.contact = _softness(solref, solimp, step)
+    result.contact_bias = bias_share(config, model)
     result.limit = _softness(model.jnt_solref[hip], model.jnt_solimp[hip], step)
     return result
 
@@ -193,11 +190,5 @@ def _softness(solref: np.ndarray, solimp: np.ndarray, step: float) -> Any:
     """MuJoCo's K and B from solref [time constant, damping ratio], or [-K, -B], and its solimp, at time step `step` [s]."""
     result = Softness()
     result.low, result.high, result.width, result.midpoint, result.power = map(float, solimp)
-    if solref[0] > 0.0:
-        # MuJoCo takes no time constant below two time steps.
-        time = max(float(solref[0]), 2.0 * step)
-        result.stiffness = 1.0 / (result.high * time * float(solref[1])) ** 2
-        result.damping = 2.0 / (result.high * time)
-    else:
-        result.stiffness, result.damping = -float(solref[0]) / result.high**2, -float(solref[1]) / result.high
+    result.stiffness, result.damping = stiffness_and_damping(solref, solimp, step)
     return result

@@ -29,7 +29,9 @@ leave the generalised forces
 with V x W = V_z W_x - V_x W_z, and joint torques u = actuator - k phi - d phi' that enter as -u on the parent, +u on the
 child.
 
-Contact. Heel and toe are balls at the ends of the sole; envs/engines/sagittal_contact.py has the forces.
+Contact. Heel and toe are balls at the ends of the sole; envs/engines/sagittal_contact.py has the forces. The ball whose
+centre lies e from the ankle has the bias acceleration J'v = -(B1 th1'^2 + B2 th2'^2 + E th3'^2), of which the share
+`contact_bias` enters the reference acceleration (envs/engines/contact_bias.py).
 
 Time step, MuJoCo's semi-implicit Euler with implicit damping d: v += h (M + h d)^-1 (F + contact forces), q += h v.
 """
@@ -79,6 +81,7 @@ class Body:
     friction: float
     gravity: float
     contact: Softness
+    contact_bias: float
     limit: Softness
 
 
@@ -265,14 +268,14 @@ def advance(
         )
 
         # Constraints: rows, biases and weights of the heel, the toe, and the limits of hip and ankle.
-        heel_at = rotated(body.heel, c3, s3)
-        toe_at = rotated(body.toe, c3, s3)
+        heel_ball = rotated(body.heel, c3, s3)
+        toe_ball = rotated(body.toe, c3, s3)
         ankle_z = at[1] + b1[1] + b2[1]
-        heel_gap = ankle_z + heel_at[1] - body.sole_radius
-        toe_gap = ankle_z + toe_at[1] - body.sole_radius
+        heel_gap = ankle_z + heel_ball[1] - body.sole_radius
+        toe_gap = ankle_z + toe_ball[1] - body.sole_radius
         # The point of contact lies halfway between the ball's lowest point and the ground.
-        heel_at = wp.vec2(heel_at[0], 0.5 * heel_gap - ankle_z)
-        toe_at = wp.vec2(toe_at[0], 0.5 * toe_gap - ankle_z)
+        heel_at = wp.vec2(heel_ball[0], 0.5 * heel_gap - ankle_z)
+        toe_at = wp.vec2(toe_ball[0], 0.5 * toe_gap - ankle_z)
         hip_sign = float(0.0)
         hip_past = float(0.0)
         if hip_angle < body.lower[0]:
@@ -297,16 +300,18 @@ def advance(
             0.0, 0.0, -hip_sign, hip_sign, 0.0,
             0.0, 0.0, 0.0, -ankle_sign, ankle_sign,
         )  # fmt: skip
+        heel_bias = -body.contact_bias * (t1 * b1 + t2 * b2 + t3 * heel_ball)
+        toe_bias = -body.contact_bias * (t1 * b1 + t2 * b2 + t3 * toe_ball)
         slide = rows * speed
         heel_imp = impedance(body.contact, heel_gap)
         toe_imp = impedance(body.contact, toe_gap)
         hip_imp = impedance(body.limit, hip_past)
         ankle_imp = impedance(body.limit, ankle_past)
         bias = vec6(
-            body.contact.damping * slide[0] + body.contact.stiffness * heel_imp * heel_gap,
-            body.contact.damping * slide[1],
-            body.contact.damping * slide[2] + body.contact.stiffness * toe_imp * toe_gap,
-            body.contact.damping * slide[3],
+            body.contact.damping * slide[0] + body.contact.stiffness * heel_imp * heel_gap + heel_bias[1],
+            body.contact.damping * slide[1] + mu * heel_bias[0],
+            body.contact.damping * slide[2] + body.contact.stiffness * toe_imp * toe_gap + toe_bias[1],
+            body.contact.damping * slide[3] + mu * toe_bias[0],
             body.limit.damping * slide[4] + body.limit.stiffness * hip_imp * hip_past,
             body.limit.damping * slide[5] + body.limit.stiffness * ankle_imp * ankle_past,
         )
