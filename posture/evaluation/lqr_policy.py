@@ -6,11 +6,14 @@ import numpy as np
 import torch
 from tensordict import TensorDict
 
-from envs.body.joints import ANKLES, HIPS
+from envs.body.joints import ANKLES, BODIES, FEET, HIPS
+from envs.body.rotation import pitch
 from envs.task.head_tracking import HeadTrackingEnv
 from posture.config.eval import LqrConfig
-from posture.theory.lqr import gain, lean, reference
+from posture.theory.lqr import gain, reference
 from posture.theory.motion import PeriodicMotion
+
+FOOT_BODIES = [BODIES.index(foot) for foot in FEET]
 
 
 class LqrController:
@@ -33,21 +36,19 @@ class LqrController:
         )
         gains = [gain(motion.stander, dt, config) for motion in motions]
         self._gain = torch.tensor(np.stack(gains), dtype=torch.float32, device=env.sim.device)
-        leans = zip(*(lean(motion.stander) for motion in motions), strict=True)
-        self._lean_angle, self._lean_torque = (
-            torch.tensor(np.stack(x), dtype=torch.float32, device=env.sim.device) for x in leans
-        )
-        self._foot_start = env.state.foot_pose[..., 0].mean(-1).clone()
         self._worlds = torch.arange(env.num_envs, device=env.sim.device)
 
     def __call__(self, _observation: TensorDict) -> torch.Tensor:
         """Action of every world at the present moment of its episode."""
         step = self._env.episode_length_buf.clamp(max=self._state.shape[1] - 1)
-        angle, velocity = self._env.sim.joint_angle, self._env.sim.joint_velocity
-        kinds = [x[:, kind].mean(-1) for x in (angle, velocity) for kind in (HIPS, ANKLES)]
-        crept = (self._env.state.foot_pose[..., 0].mean(-1) - self._foot_start)[:, None]
+        sim = self._env.sim
+        kinds = [x[:, kind].mean(-1) for x in (sim.joint_angle, sim.joint_velocity) for kind in (HIPS, ANKLES)]
+        tilt = pitch(sim.body_pose[:, FOOT_BODIES, 3:]).mean(-1)
+        turn = sim.body_velocity[:, FOOT_BODIES, 4].mean(-1)
+        kinds[1] -= tilt
+        kinds[3] -= turn
         deviation = torch.stack(kinds, dim=-1) - self._state[self._worlds, step]
-        deviation[:, :2] += crept * self._lean_angle
-        feedforward = self._torque[self._worlds, step] - crept * self._lean_torque
+        feedforward = self._torque[self._worlds, step].clone()
+        feedforward[:, 1] += sim.ankle_k * tilt + self._env.config.joint_damping * turn
         torque = feedforward - (self._gain @ deviation[..., None])[..., 0]
         return torque / self._env.config.torque_limit
