@@ -161,7 +161,7 @@ class HeadTrackingEnv(VecEnv):
         # The HAT's velocity is that of its centre of mass.
         lever = rotate(attitude, self._head - self._hat_com)
         foot_pose = sim.body_pose[:, self.FOOT_BODIES]
-        target_x, target_vx = self._target()
+        target_x, target_vx, target_ax = self._target()
         return TaskState(
             hat_pose=hat_pose,
             hat_velocity=hat_velocity,
@@ -177,14 +177,21 @@ class HeadTrackingEnv(VecEnv):
             head_vx=(hat_velocity[:, :3] + torch.linalg.cross(hat_velocity[:, 3:], lever))[:, 0],
             target_x=target_x,
             target_vx=target_vx,
+            target_ax=target_ax,
         )
 
-    def _target(self) -> tuple[torch.Tensor, torch.Tensor]:
-        """Position [m] and velocity [m/s] of the target, (N,) each."""
+    def _target(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Position [m], velocity [m/s] and acceleration [m/s2] of the target, (N,) each."""
         time = self.episode_length_buf * self.config.control_dt
         phase = target.phase(time, self.freq, self._source.rate, self._source.duration)
         now = target.frequency(time, self.freq, self._source.rate, self._source.duration)
-        return target.position(phase, self.config.amplitude), target.velocity(phase, now, self.config.amplitude)
+        rate = self._source.rate * (time < self._source.duration)
+        amplitude = self.config.amplitude
+        return (
+            target.position(phase, amplitude),
+            target.velocity(phase, now, amplitude),
+            target.acceleration(phase, now, rate, amplitude),
+        )
 
     def _ended(self) -> torch.Tensor:
         """The worlds whose episode ends early, (N,) bool."""

@@ -28,7 +28,7 @@ class TaskState:
     sole_force, sole_position: (N, 2, 2, 3), see `Simulation`.
     action: (N, 4) actuator torque of each joint over the torque limit.
     head_x, head_vx: (N,) head along x, 0 at the start [m], [m/s].
-    target_x, target_vx: (N,) [m], [m/s].
+    target_x, target_vx, target_ax: (N,) [m], [m/s], [m/s2].
     """
 
     hat_pose: "torch.Tensor"
@@ -45,6 +45,7 @@ class TaskState:
     head_vx: "torch.Tensor"
     target_x: "torch.Tensor"
     target_vx: "torch.Tensor"
+    target_ax: "torch.Tensor"
 
 
 Component = tuple[str, str]
@@ -211,6 +212,12 @@ def target(state: TaskState) -> "torch.Tensor":
 def target_velocity(state: TaskState) -> "torch.Tensor":
     """Target velocity along x; the paper's policy does not observe it."""
     return state.target_vx[:, None]
+
+
+@_term(("target_ax", "m/s2"))
+def target_acceleration(state: TaskState) -> "torch.Tensor":
+    """Target acceleration along x."""
+    return state.target_ax[:, None]
 
 
 @_term(("target_x_minus_head_x", "m"))

@@ -32,6 +32,12 @@ def velocity(phase: torch.Tensor, freq: torch.Tensor, amplitude: float) -> torch
     return amplitude * 2.0 * math.pi * freq * torch.sin(phase)
 
 
+def acceleration(phase: torch.Tensor, freq: torch.Tensor, rate: torch.Tensor, amplitude: float) -> torch.Tensor:
+    """Target acceleration along x [m/s2] at `phase` [rad], with momentary `freq` [Hz] that changes by `rate` [Hz/s]. (N,)."""
+    omega = 2.0 * math.pi * freq
+    return amplitude * (omega**2 * torch.cos(phase) + 2.0 * math.pi * rate * torch.sin(phase))
+
+
 class FrequencySource:
     """Gives each world the frequency of its next episode: fixed, drawn from a range, or the start of a ramp.
 

@@ -90,9 +90,13 @@ class PlayEnv(HeadTrackingEnv):
         self.phase = other.phase
         self.load_state_dict(other.state_dict())
 
-    def _target(self) -> tuple[torch.Tensor, torch.Tensor]:
-        phase, freq = torch.full((1,), self.phase), torch.full((1,), self._settings.freq)
-        return target.position(phase, self._settings.amplitude), target.velocity(phase, freq, self._settings.amplitude)
+    def _target(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        phase, freq, amplitude = torch.full((1,), self.phase), torch.full((1,), self._settings.freq), self._settings.amplitude
+        return (
+            target.position(phase, amplitude),
+            target.velocity(phase, freq, amplitude),
+            target.acceleration(phase, freq, torch.zeros(1), amplitude),
+        )
 
     def _reset(self, mask: torch.Tensor) -> None:
         self.phase = 0.0
