@@ -8,7 +8,7 @@ from envs.body.model import MJCF
 
 
 class MujocoC:
-    """The same file in MuJoCo's C solver, with springs, damping, armature, friction and load of `config`."""
+    """The same file in MuJoCo's C solver, with springs, damping, armature, friction, load and contact bias of `config`."""
 
     def __init__(self, config, height=0.0, timestep=None):
         model = mujoco.MjModel.from_xml_path(str(MJCF))
@@ -23,6 +23,7 @@ class MujocoC:
         model.geom_friction[:, 0] = config.friction
         model.body("hat").mass[0] += config.load
         self.model, self.data, self.dofs = model, mujoco.MjData(model), dofs
+        self.contact_bias, self._other = config.solver.contact_bias, mujoco.MjData(model)
         mujoco.mj_setConst(model, self.data)  # the softness of constraints depends on armature and masses
         self.angles = model.jnt_qposadr[hinges]
         self.data.qpos[2] += height
@@ -44,7 +45,42 @@ class MujocoC:
     def step(self, torque, substeps):
         self.data.qfrc_applied[self.dofs] = torque
         for _ in range(substeps):
-            mujoco.mj_step(self.model, self.data)
+            if not self.contact_bias:
+                mujoco.mj_step(self.model, self.data)
+                continue
+            mujoco.mj_step1(self.model, self.data)
+            self.correct()
+            mujoco.mj_step2(self.model, self.data)
+
+    def correct(self):
+        """Subtract (1 - B h / 2) J'v from the reference accelerations of all contacts, where `contact_bias` is true."""
+        for i in range(self.data.ncon if self.contact_bias else 0):
+            contact = self.data.contact[i]
+            damping = 2.0 / (contact.solimp[1] * contact.solref[0])
+            share = 1.0 - damping * self.model.opt.timestep / 2
+            normal, *sliding = contact.frame.reshape(3, 3) @ self._bias(contact)
+            for row, edge in enumerate(f * side * s for f, s in zip(contact.friction, sliding) for side in (1, -1)):
+                self.data.efc_aref[contact.efc_address + row] -= share * (normal + edge)
+
+    def _bias(self, contact):
+        """J'v of a contact [m/s2], by central differences of its Jacobian along the motion."""
+        model, data, dt = self.model, self.data, 1e-6
+        sole = contact.geom[1]
+        radius = model.geom_size[sole, 0]
+        # MuJoCo's point of contact lies halfway between the ground and the lowest point of the ball.
+        centre = contact.pos + [0, 0, radius + contact.dist / 2]
+        local = data.geom_xmat[sole].reshape(3, 3).T @ (centre - data.geom_xpos[sole])
+        rows = []
+        for time in (dt, -dt):
+            self._other.qpos[:] = data.qpos
+            mujoco.mj_integratePos(model, self._other.qpos, data.qvel, time)
+            mujoco.mj_kinematics(model, self._other)
+            mujoco.mj_comPos(model, self._other)
+            centre = self._other.geom_xpos[sole] + self._other.geom_xmat[sole].reshape(3, 3) @ local
+            row = np.zeros((3, model.nv))
+            mujoco.mj_jac(model, self._other, row, None, centre - [0, 0, radius], model.geom_bodyid[sole])
+            rows.append(row)
+        return (rows[0] - rows[1]) @ data.qvel / (2 * dt)
 
     def read(self):
         """The outputs of a `Simulation` after a step, under the same names."""

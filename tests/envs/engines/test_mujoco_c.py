@@ -27,6 +27,7 @@ from tests.envs.engines.test_sagittal import (
     both_sides,
     deviation,
     finite,
+    modified,
     placed,
     seen,
     turned,
@@ -35,6 +36,12 @@ from tests.mujoco_c import MujocoC
 
 MASS = 40.154191
 """Of the whole body [kg], from the volumes of the solids in humanoid.xml."""
+
+
+@pytest.fixture(params=[False, True], ids=["contacts of MuJoCo", "contact bias"])
+def either(config, request):
+    """The configuration with MuJoCo's own contacts, and with their bias acceleration."""
+    return modified(config, contact_bias=request.param)
 
 
 def set_out(config, q, qd=(0, 0, 0, 0, 0)):
@@ -73,29 +80,29 @@ def steps(sim, pairs):
 
 
 @pytest.mark.parametrize("name", TRIALS)
-def test_agrees_with_the_solver_driven_by_hand(config, name):
+def test_agrees_with_the_solver_driven_by_hand(either, name):
     """Up to the single precision of the outputs. The reference keeps MuJoCo's own limits of iterations, 100 and 50, so
     that the configured ones are seen to be enough."""
     trial = TRIALS[name]
-    own, pairs = own_config(config, trial), torques(trial, name)
+    own, pairs = own_config(either, trial), torques(trial, name)
     found, reference, history = steps(set_out(own, trial.q, trial.qd), pairs), MujocoC(own), []
     reference.place(np.float32(trial.q).astype(float), np.float32(trial.qd).astype(float))
     for hip, ankle in pairs:
-        reference.step([hip, ankle] * 2, config.solver.substeps)
+        reference.step([hip, ankle] * 2, either.solver.substeps)
         history.append(reference.read())
     for key in OUTPUTS:
         exact = np.stack([outputs[key] for outputs in history])
         assert found[key] == pytest.approx(exact, rel=1e-6, abs=1e-7), key
 
 
-def test_agrees_with_the_solver_driven_by_hand_where_left_and_right_differ(config):
+def test_agrees_with_the_solver_driven_by_hand_where_left_and_right_differ(either):
     """Twisting and stepping, so that no foot and no axis can be taken for another."""
-    sim, reference = MujocoCSimulation(config, 1, "cpu"), MujocoC(config)
+    sim, reference = MujocoCSimulation(either, 1, "cpu"), MujocoC(either)
     rng, sideways = np.random.default_rng(0), []
     for _ in range(100):
         push = np.float32(rng.uniform(-20, 20, 4) * [1, 0.5, 1, 0.5])
         sim.step(torch.from_numpy(push)[None])
-        reference.step(push, config.solver.substeps)
+        reference.step(push, either.solver.substeps)
         exact = reference.read()
         for key in OUTPUTS:
             assert seen(sim)[key][0] == pytest.approx(exact[key], rel=1e-6, abs=1e-7), key
@@ -105,9 +112,9 @@ def test_agrees_with_the_solver_driven_by_hand_where_left_and_right_differ(confi
 
 @pytest.mark.parametrize("name", ["flight", "swaying", "over the toe", "landing", "soft hips", "soft ankles", "loaded"])
 @pytest.mark.parametrize(("engine", "agrees"), [(SagittalSimulation, C_AGREES), (NewtonMujocoSimulation, NEWTON_AGREES)])
-def test_agrees_with_the_other_engines(config, engine, agrees, name):
+def test_agrees_with_the_other_engines(either, engine, agrees, name):
     trial = TRIALS[name]
-    own, pairs = own_config(config, trial), torques(trial, name)
+    own, pairs = own_config(either, trial), torques(trial, name)
     ours = steps(set_out(own, trial.q, trial.qd), pairs)
     theirs = steps(placed(engine(own, 1, "cpu"), trial.q, trial.qd), pairs)
     found = deviation(theirs, ours)

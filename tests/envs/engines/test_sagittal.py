@@ -137,14 +137,20 @@ TRIALS = {
 }
 
 
+@pytest.fixture(scope="module", params=[False, True], ids=["contacts of MuJoCo", "contact bias"])
+def either(config, request):
+    """The configuration with MuJoCo's own contacts, and with their bias acceleration."""
+    return modified(config, contact_bias=request.param)
+
+
 @pytest.fixture(scope="module")
-def played(config):
+def played(either):
     """Every trial in the sagittal engine, in SolverMuJoCo and in MuJoCo's C: {trial: {engine: {name: (steps, ...)}}}."""
     found = {}
     for friction in sorted({trial.friction for trial in TRIALS.values()}):
         names = [name for name, trial in TRIALS.items() if trial.friction == friction]
         trials = [TRIALS[name] for name in names]
-        rough = config.model_copy(update={"friction": friction})
+        rough = either.model_copy(update={"friction": friction})
         sways = [np.random.default_rng([1, *name.encode()]).uniform(-1, 1, (STEPS, 2)) for name in names]
         push = [trial.push + sway * trial.sway for trial, sway in zip(trials, sways, strict=True)]
         torque = both_sides(np.stack(push, 1))
@@ -165,7 +171,7 @@ def played(config):
             reference, history = MujocoC(own), []
             reference.place(np.float32(trial.q).astype(float), np.float32(trial.qd).astype(float))
             for step in torque[:, i]:
-                reference.step(step, config.solver.substeps)
+                reference.step(step, either.solver.substeps)
                 history.append(reference.read())
             exact = {key: np.stack([outputs[key] for outputs in history]) for key in OUTPUTS}
             found[name] = {engine: {key: outputs[key][i] for key in OUTPUTS} for engine, outputs in engines.items()} | {
@@ -255,13 +261,13 @@ STATES = {
 
 @pytest.mark.parametrize("friction", [0.2, 1.0, 3.0])
 @pytest.mark.parametrize("kind", STATES)
-def test_one_step_from_random_states_agrees_with_mujoco_c(config, kind, friction):
+def test_one_step_from_random_states_agrees_with_mujoco_c(either, kind, friction):
     """From anywhere, with limits and impacts, one control step. Of the speed and of the force there is, half of the worlds
     differ by less than 2e-6 (friction 0.2: 2e-5), the worst by 1e-4 and 8e-4; the softness of friction, which goes by mu^2,
     divides that."""
     worlds, rng = 600, np.random.default_rng(3)
     pitch, speed, gap, size = STATES[kind]
-    rough = config.model_copy(update={"friction": friction})
+    rough = either.model_copy(update={"friction": friction})
     q, qd = random_states(rng, worlds, pitch, speed, gap)
     torque = both_sides(rng.normal(0, size, (worlds, 2)))
     sim = placed(SagittalSimulation(rough, worlds, "cpu"), q, qd)
@@ -269,7 +275,7 @@ def test_one_step_from_random_states_agrees_with_mujoco_c(config, kind, friction
     reference, history = MujocoC(rough), []
     for world in range(worlds):
         reference.place(q[world].astype(float), qd[world].astype(float))
-        reference.step(torque[world], config.solver.substeps)
+        reference.step(torque[world], either.solver.substeps)
         history.append(reference.read())
     exact, ours = {key: np.stack([outputs[key] for outputs in history]) for key in OUTPUTS}, seen(sim)
     sound = ~sim.diverged.numpy()
@@ -286,12 +292,12 @@ def test_one_step_from_random_states_agrees_with_mujoco_c(config, kind, friction
 
 
 @pytest.mark.parametrize("friction", [0.2, 1.0])
-def test_accelerations_minimise_the_cost_of_the_constraints(config, friction):
+def test_accelerations_minimise_the_cost_of_the_constraints(either, friction):
     """MuJoCo's C has mass matrix, forces and constraint rows of random states; with them the gradient at our accelerations
     is zero but for rounding: 1e-7 of what is summed up in it, and 1e-5 in the first millimetre of depth, with which the
     softness changes."""
     worlds, rng = 300, np.random.default_rng(4)
-    single = modified(config, substeps=1).model_copy(update={"friction": friction, "control_dt": 0.0083})
+    single = modified(either, substeps=1).model_copy(update={"friction": friction, "control_dt": 0.0083})
     q, qd = random_states(rng, worlds, 1.5, 3.0, (-0.005, 0.001))
     torque = both_sides(rng.normal(0, 100, (worlds, 2)))
     sim = placed(SagittalSimulation(single, worlds, "cpu"), q, qd)
@@ -303,6 +309,7 @@ def test_accelerations_minimise_the_cost_of_the_constraints(config, friction):
         reference.place(q[world].astype(float), qd[world].astype(float))
         data.qfrc_applied[reference.dofs] = torque[world]
         mujoco.mj_forward(model, data)
+        reference.correct()
         rows = data.efc_J.reshape(data.nefc, model.nv)
         ours = reference.spread(sim._qdd[world].numpy())
         mujoco.mj_mulM(model, data, inertial, ours)
@@ -444,7 +451,7 @@ def test_energy_does_not_grow_on_the_ground(config):
 def test_converges_to_first_order(config):
     """In flight, with springs, dampers and actuators, towards MuJoCo's Runge-Kutta integrator in steps of 0.26 ms."""
     (q, qd), steps, torque = THROWN, 10, (20.0, -8.0)
-    reference = MujocoC(config, timestep=config.control_dt / 64)
+    reference = MujocoC(modified(config, contact_bias=False), timestep=config.control_dt / 64)
     reference.model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     reference.place(np.float32(q).astype(float), np.float32(qd).astype(float))
     reference.step(torque * 2, 64 * steps)
