@@ -97,12 +97,6 @@ def worker_processes(processes: int, device: str, work: Callable[..., None], *ar
                     worker.join()
 
 
-def average(tensor: torch.Tensor) -> None:
-    """Replace `tensor` by its mean over the processes."""
-    dist.all_reduce(tensor)
-    tensor /= size()
-
-
 def gather(value: Any) -> list[Any]:
     """The `value` of every process in the order of their ranks, for the first process; an empty list for the others."""
     if size() == 1:
