@@ -83,8 +83,6 @@ def overridden_keys() -> set[str]:
 def one_line(error: Exception) -> str:
     """An error's message without line breaks and without the details that Hydra and OmegaConf add for developers."""
     cause = error.__cause__
-    if isinstance(cause, ConfigError):  # raised by one of our resolvers
-        return str(cause)
     if isinstance(cause, (ConfigAttributeError, ConfigKeyError)) and cause.parent_node is not None:
         return f"{cause.full_key}: no such key; allowed there are {', '.join(map(str, cause.parent_node))}"
     if isinstance(error, OSError) and error.filename is not None:
@@ -92,17 +90,23 @@ def one_line(error: Exception) -> str:
     text = re.sub(
         r"\n\s*(full_key|object_type|Config search path|To append to your config|See https).*", "", str(error), flags=re.S
     )
-    return " ".join(text.split())
+    # The rest is the message of one of our resolvers.
+    return re.sub(r"^ConfigError raised while resolving interpolation: ", "", " ".join(text.split()))
 
 
 def _run_single(kind: type[Config], task: Callable[[Config, Path], None], composed: DictConfig) -> None:
+    folder = Path(HydraConfig.get().runtime.output_dir)
     try:
-        task(read(kind, jobs.plain(composed)), Path(HydraConfig.get().runtime.output_dir))
+        task(read(kind, jobs.plain(composed)), folder)
     except ConfigError as error:
         _refuse(error)  # not further up, because Hydra adds its own lines
     except FAILURES as error:
         print(f"error: {one_line(error)}", file=sys.stderr)
         sys.exit(1)
+    finally:
+        if folder != Path.cwd():
+            with contextlib.suppress(OSError):  # Hydra created it; it stays unless it is empty
+                folder.rmdir()
 
 
 def _run_sweep(
@@ -146,7 +150,12 @@ def _check_processes(name: str, command: jobs.Command) -> None:
 
 
 def _start(command: jobs.Command, job: Callable[[DictConfig], None]) -> None:
-    hydra.main(version_base="1.3", config_path=str(CONF), config_name=command.config_name)(job)()
+    def run_here(composed: DictConfig) -> None:
+        # Paths are relative to the directory in which the command was started, with hydra.job.chdir, too.
+        os.chdir(HydraConfig.get().runtime.cwd)
+        job(composed)
+
+    hydra.main(version_base="1.3", config_path=str(CONF), config_name=command.config_name)(run_here)()
 
 
 def _refuse(error: Exception) -> NoReturn:

@@ -6,14 +6,11 @@ job is known in advance, so a sweep can be monitored from its folders, with any 
 
 import argparse
 import contextlib
-import errno
 import hashlib
 import itertools
 import json
 import math
-import os
 import re
-import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,13 +32,14 @@ from posture.config.errors import ConfigError
 from posture.config.published import CONF, without_published
 from posture.config.reading import read
 from posture.config.train import TrainConfig
-from posture.storage import run_dir
-from posture.storage.provenance import library_versions, training_code
+from posture.storage import provenance, run_dir
 
 Config = TypeVar("Config", bound=BaseModel)
 
 DECIDES_THE_POLICY = {"env", "agent", "seed", "processes", "max_iterations"}
 """Keys of a training on which its policy depends."""
+MAX_DIFFERENCES = 8
+"""Differences between two trainings that an error names."""
 MAX_JOBS = 10_000
 """Jobs of one sweep; more are taken for a mistake."""
 MAX_SLUG_LENGTH = 80
@@ -123,8 +121,11 @@ def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
             if len(fixed) < len(parsed):
                 raise ConfigError("several values for one key make a sweep: add -m, or write a list as [a,b]")
             config = _checked(kind, common)
-            if not Path(common.hydra.run.dir).is_dir():  # an evaluation may be started in a folder that is read-only
-                _check_folder(Path(common.hydra.run.dir))
+            folder = Path(common.hydra.run.dir)
+            if not folder.is_dir():  # an evaluation may be started in a folder that is read-only
+                run_dir.writable(folder)
+            if isinstance(config, TrainConfig):
+                _check_run(config, folder)
             return Command(overrides, name, [Job(config, Path())], None)
 
 
@@ -152,6 +153,9 @@ def _check_sweep(
             raise ConfigError("resume continues one run: not together with -m")
         jobs.append(Job(config, Path(composed.hydra.sweep.dir) / composed.hydra.sweep.subdir))
     _check_folders(jobs, Path(common.hydra.sweep.dir))
+    for job in jobs:
+        if isinstance(job.config, TrainConfig):
+            refuse_other_training(job.config, job.folder)
     return Command(["--multirun", *overrides, *extra], name, jobs, str(common.hydra.runtime.choices["hydra/launcher"]))
 
 
@@ -224,8 +228,44 @@ def override_slug(overrides: str) -> str:
 def identity(config: TrainConfig) -> str:
     """Eight hexadecimal digits that identify a training: its configuration, its code and the libraries."""
     own = config.model_dump(mode="json", include=DECIDES_THE_POLICY)
-    text = json.dumps([own, training_code(), library_versions()], sort_keys=True)
+    text = json.dumps([own, provenance.training_code(), provenance.library_versions()], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:8]
+
+
+def refuse_other_training(config: TrainConfig, folder: Path) -> None:
+    """Raise ConfigError if `folder` holds a checkpoint of a training other than `config` with this code and these libraries.
+
+    Equal trainings may differ in device, threads, evaluate and evaluation.*, which do not decide the policy.
+    """
+    if run_dir.newest_model(folder) is None and not (folder / "resume.pt").exists():
+        return
+    saved, own = (one.model_dump(mode="json", include=DECIDES_THE_POLICY) for one in (run_dir.read_config(folder), config))
+    if different := _differences(saved, own) + provenance.other_code(folder):
+        more = [f"and {len(different) - MAX_DIFFERENCES} more"] * (len(different) > MAX_DIFFERENCES)
+        raise ConfigError(
+            f"{folder}: holds another training ({'; '.join(different[:MAX_DIFFERENCES] + more)}); resume={folder} continues it with its own values, "
+            "hydra.run.dir or hydra.sweep.dir names another folder"
+        )
+
+
+def _differences(saved: Any, own: Any, key: str = "") -> list[str]:
+    """`key = saved, not own` for each value that differs."""
+    if isinstance(saved, dict) and isinstance(own, dict):
+        pairs = [(f"{key}.{name}".lstrip("."), saved.get(name), own.get(name)) for name in {**saved, **own}]
+        return [line for name, before, now in pairs for line in _differences(before, now, name)]
+    return [] if saved == own else [f"{key} = {_brief(saved)}, not {_brief(own)}"]
+
+
+def _brief(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _check_run(config: TrainConfig, folder: Path) -> None:
+    """Raise ConfigError unless `folder` is new, or holds the training that `config` describes or resumes."""
+    if config.resume is None:
+        refuse_other_training(config, folder)
+    elif folder.resolve() != (own := run_dir.find_run(config.resume)).resolve():
+        raise ConfigError(f"hydra.run.dir: a resumed run stays in its folder, {own}; leave out hydra.run.dir")
 
 
 OmegaConf.register_new_resolver("posture.run_folder", run_dir.folder_for, use_cache=True, replace=True)
@@ -247,19 +287,7 @@ def _check_folders(jobs: Sequence[Job], sweep: Path) -> None:
         if folder in seen:
             raise ConfigError(f"two jobs of the sweep would have the folder {job.folder}: give each value once")
         seen.add(folder)
-        _check_folder(job.folder)
-
-
-def _check_folder(folder: Path) -> None:
-    """Raise ConfigError if `folder` can be neither written to nor created; creates nothing."""
-    try:
-        existing = next(place for place in (folder, *folder.absolute().parents) if place.exists() or place.is_symlink())
-        if not existing.is_dir():
-            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
-        with tempfile.TemporaryFile(dir=existing):
-            pass
-    except OSError as error:
-        raise ConfigError(f"cannot write to the folder {folder}: {error.strerror}") from None
+        run_dir.writable(job.folder)
 
 
 @contextlib.contextmanager

@@ -22,11 +22,17 @@ def locked(folder: Path) -> Iterator[None]:
         yield
         return
     try:
-        acquired = _lock(folder.resolve()).acquire(blocking=False)
+        # Not at once: another process holds the lock for a moment while it asks whether the folder is in use.
+        acquired = _lock(folder.resolve()).acquire(timeout=0.2, poll_interval=0.02)
     except Timeout:
         raise ConfigError(f"{folder}: another process is using this folder; wait for it, or stop it") from None
     with acquired:
         yield
+
+
+def is_held(folder: Path) -> bool:
+    """Whether a process, this one or another, holds the lock of `folder`."""
+    return _lock(folder.resolve()).is_locked or is_busy(folder)
 
 
 def is_busy(folder: Path) -> bool:

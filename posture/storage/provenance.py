@@ -6,6 +6,7 @@ posture/config/. Digests of different minor versions of Python differ, since the
 """
 
 import ast
+import contextlib
 import datetime
 import hashlib
 import importlib.metadata
@@ -56,6 +57,17 @@ def starts(run: Path) -> list[Any]:
     if not isinstance(starts, list):
         raise ConfigError(f"{path}: not a list of the run's starts; move the file away to begin a new one")
     return starts
+
+
+def other_code(run: Path) -> list[str]:
+    """`name before, not now` for the training code and each library with which `run` was started in another version."""
+    now = {"training code": training_code(), **library_versions()}
+    different = {}
+    for start in starts(run):
+        with contextlib.suppress(KeyError, TypeError):  # a start of an earlier version of posture may lack a part
+            before = {"training code": start["training_code"], **start["versions"]}
+            different |= {key: before.get(key) for key in now if before.get(key) != now[key]}
+    return [f"{key} {before}, not {now[key]}" for key, before in different.items()]
 
 
 @cache

@@ -9,6 +9,7 @@ evaluation/       output of posture.eval
 """
 
 import datetime
+import errno
 import os
 import re
 import tempfile
@@ -141,10 +142,12 @@ def read_config(run: Path) -> TrainConfig:
 
 
 def writable(folder: Path) -> Path:
-    """`folder`, created if necessary. Raises ConfigError if it cannot be written to."""
+    """`folder`. Raises ConfigError if it can be neither written to nor created. Creates nothing: the first file does."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
+        existing = next(place for place in (folder, *folder.absolute().parents) if place.exists() or place.is_symlink())
+        if not existing.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+        with tempfile.TemporaryFile(dir=existing):
             pass
     except OSError as error:
         raise ConfigError(f"cannot write to the folder {folder}: {error.strerror}") from None
