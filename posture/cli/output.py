@@ -10,8 +10,8 @@ import io
 import os
 import select
 import sys
-from typing import Any
 from pathlib import Path
+from typing import Any
 
 
 class _Lossy(io.RawIOBase):

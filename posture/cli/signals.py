@@ -45,12 +45,15 @@ def handled() -> Iterator[None]:
 
 @contextlib.contextmanager
 def deferred() -> Iterator[None]:
-    """In this context the first signal is only noted in `pending`, for work to end cleanly; a second raises `Stopped`."""
+    """In this context the first signal is only noted in `pending`, for work to end cleanly; the end of the context, or a
+    second signal, raises `Stopped`."""
     global _pending, _deferring
     with handled():
         _pending, _deferring = 0, True
         try:
             yield
+            if _pending:
+                raise Stopped(_pending)
         finally:
             _pending, _deferring = 0, False
 
@@ -70,7 +73,7 @@ def blocked() -> Iterator[None]:
 def _handle(number: int, frame: FrameType | None) -> None:
     global _pending, _hung_up
     if number not in (signal.SIGINT, signal.SIGTERM):
-        # A closed terminal sends SIGHUP more than once, from the kernel and from the shell; a session that ends, after SIGTERM.
+        # A closed terminal sends SIGHUP more than once, from the kernel and the shell; a session that ends, after SIGTERM.
         if _hung_up or _pending:
             return
         _hung_up = True

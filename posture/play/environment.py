@@ -91,7 +91,7 @@ class PlayEnv(HeadTrackingEnv):
         self.load_state_dict(other.state_dict())
 
     def _target(self) -> tuple[torch.Tensor, torch.Tensor]:
-        phase, freq = torch.full((1,), self.phase), torch.full((1,), self._settings.freq)
+        phase, freq = (torch.full((1,), value, dtype=torch.float64) for value in (self.phase, self._settings.freq))
         return target.position(phase, self._settings.amplitude), target.velocity(phase, freq, self._settings.amplitude)
 
     def _reset(self, mask: torch.Tensor) -> None:

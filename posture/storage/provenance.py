@@ -9,6 +9,7 @@ import ast
 import datetime
 import hashlib
 import importlib.metadata
+import os
 import platform
 import subprocess
 import sys
@@ -129,11 +130,22 @@ def _is_warp(node: ast.FunctionDef | ast.ClassDef) -> bool:
 
 
 def _git_commit() -> str | None:
-    """Commit of the checkout that this code runs from, with -dirty if it has changes; None outside a checkout."""
-    if not (ROOT / ".git").exists():  # an installed package may lie inside another project's repository
-        return None
+    """Commit of the checkout that this code runs from, with -dirty if it has changes; None outside a checkout.
+
+    Of no other repository: not of one around an installed or unpacked copy, nor of one that GIT_DIR names.
+    """
+    git = ["git", f"--git-dir={ROOT / '.git'}", f"--work-tree={ROOT}"]
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
+
+    def output(*command: str) -> str:
+        done = subprocess.run(
+            [*git, *command], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=10, check=True
+        )
+        return done.stdout.strip()
+
     try:
-        command = ["git", "describe", "--always", "--dirty", "--abbrev=40"]
-        return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
+        # An unpacked copy may lie at the top of another repository; its files are then not tracked there.
+        output("ls-files", "--error-unmatch", Path(__file__).resolve().relative_to(ROOT).as_posix())
+        return output("describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
     except (OSError, subprocess.SubprocessError):
         return None
