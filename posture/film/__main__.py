@@ -20,7 +20,8 @@ def film(config: FilmConfig, job: Path) -> None:
     """Roll out the policy that `ckpt` names, and write each film in each format."""
     model = run_dir.find_checkpoint(config.ckpt)
     run = run_dir.read_config(model.parent)
-    out = run_dir.writable(Path(config.out or run_dir.folder_for(str(run_dir.RUNS), None)))
+    out = Path(config.out or run_dir.folder_for(str(run_dir.RUNS), None))
+    run_dir.writable(out, *(f"{name}.{kind}" for name in config.films for kind in config.formats))
     # Imported here because they are slow.
     from posture.film.trials import ramp, two_modes
     from posture.film.video import write_gif, write_mp4
