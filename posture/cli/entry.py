@@ -21,13 +21,17 @@ from omegaconf import DictConfig
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 from pydantic import BaseModel
 
+from envs.config import ConstraintOverflowError
 from posture.cli import jobs, signals, sweep
+from posture.config import torchrun
 from posture.config.errors import ConfigError, RunError
 from posture.config.published import CONF
 from posture.config.reading import read
 
 Config = TypeVar("Config", bound=BaseModel)
 
+FAILURES = (ConstraintOverflowError, FloatingPointError, RunError, OSError)
+"""Failures at run time whose message is enough; others are mistakes in the program, and end in a traceback."""
 _BAD_INPUT = (ConfigError, HydraException, OmegaConfBaseException)
 
 
@@ -48,6 +52,8 @@ def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> 
         try:
             command = jobs.check(name, kind, sys.argv[1:])
             sys.argv[1:] = command.argv
+            if command.jobs:
+                _check_processes(name, command)
             if command.launcher is None:
                 _start(command, lambda composed: _run_single(kind, task, composed))
                 return
@@ -94,7 +100,7 @@ def _run_single(kind: type[Config], task: Callable[[Config, Path], None], compos
         task(read(kind, jobs.plain(composed)), Path(HydraConfig.get().runtime.output_dir))
     except ConfigError as error:
         _refuse(error)  # not further up, because Hydra adds its own lines
-    except (FloatingPointError, RunError, OSError) as error:
+    except FAILURES as error:
         print(f"error: {one_line(error)}", file=sys.stderr)
         sys.exit(1)
 
@@ -121,6 +127,22 @@ def _run_sweep(
             raise
         except Exception as error:  # a process was killed, or a cluster job ran out of time
             print(f"error: the launcher stopped: {type(error).__name__}: {one_line(error)}", file=sys.stderr)
+
+
+def _check_processes(name: str, command: jobs.Command) -> None:
+    """Raise ConfigError if this process is one of several that cannot share this command."""
+    place = torchrun.place() or torchrun.Place()
+    if place.size > 1 and (name != "train" or command.launcher is not None):
+        raise ConfigError(
+            f"WORLD_SIZE={place.size}: only one training can be shared among processes; start "
+            f"{f'posture.{name}' if command.launcher is None else 'a sweep'} without torchrun, or unset WORLD_SIZE"
+        )
+    if name == "train" and {"RANK", "WORLD_SIZE"} & os.environ.keys() and (problem := torchrun.problem()):
+        print(
+            f"RANK and WORLD_SIZE have no effect: to share a training among processes, torchrun sets "
+            f"{', '.join(torchrun.VARIABLES)} ({problem})",
+            file=sys.stderr,
+        )
 
 
 def _start(command: jobs.Command, job: Callable[[DictConfig], None]) -> None:

@@ -43,12 +43,15 @@ def handled() -> Iterator[None]:
 
 @contextlib.contextmanager
 def deferred() -> Iterator[None]:
-    """In this context the first signal is only noted in `pending`, for work to end cleanly; a second raises `Stopped`."""
+    """In this context the first signal is only noted in `pending`, for work to end cleanly; the end of the context, or a
+    second signal, raises `Stopped`."""
     global _pending, _deferring
     with handled():
         _pending, _deferring = 0, True
         try:
             yield
+            if _pending:
+                raise Stopped(_pending)
         finally:
             _pending, _deferring = 0, False
 

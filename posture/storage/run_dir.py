@@ -17,6 +17,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+from posture.config import torchrun
 from posture.config.errors import ConfigError
 from posture.config.reading import read
 from posture.config.train import TrainConfig
@@ -32,12 +33,12 @@ def folder_for(parent: str, resume: str | None) -> str:
     """Folder for a run that starts: that of the run it resumes, or a new one under `parent`.
 
     A new folder is named after the time and the process, so that runs started in the same second have different folders. Of
-    the processes that torchrun starts only the first writes; the others get a temporary folder.
+    the processes that torchrun starts only the first writes; the others get `parent`, in which they write nothing.
     """
     if resume is not None:
         return str(find_run(resume))
-    if os.environ.get("RANK", "0") != "0":
-        return tempfile.mkdtemp(prefix="posture-")
+    if torchrun.rank() > 0:
+        return parent
     name = f"{datetime.datetime.now():%Y-%m-%d_%H-%M-%S}_{os.getpid()}"
     taken = sum(1 for path in Path(parent).glob(f"{name}*"))
     return str(Path(parent) / (f"{name}_{taken + 1}" if taken else name))

@@ -84,14 +84,10 @@ def equal(one, other, iterations):
 
 
 def steps(run):
-    """Iterations in the TensorBoard files of `run`, in order."""
+    """The steps of `run` that TensorBoard shows, in order."""
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-    return [
-        event.step
-        for path in sorted(run.glob("events.out.*"), key=lambda path: path.stat().st_mtime_ns)
-        for event in EventAccumulator(str(path)).Reload().Scalars("/cost")
-    ]
+    return [event.step for event in EventAccumulator(str(run)).Reload().Scalars("/cost")]
 
 
 # -- signals -------------------------------------------------------------------------------------------------------------
@@ -110,11 +106,11 @@ def stop_and_resume(monkeypatch, number, processes, to_all):
     assert not is_busy(run)
     (model,) = run.glob("model_*.pt")  # saved because of the signal, since no other save was due
     done = run_dir.iteration_of(model)
-    assert iterations_done(run) == done and steps(run) == list(range(done))
+    assert iterations_done(run) == done and steps(run) == list(range(1, done + 1))
     call(monkeypatch, "train", f"resume={run}", f"max_iterations={done + 2}")
     call(monkeypatch, "train", *shared, f"max_iterations={done + 2}", "hydra.run.dir=whole")
     assert equal(run, Path("whole"), done + 2)
-    assert steps(run) == steps(Path("whole")) == list(range(done + 2))
+    assert steps(run) == steps(Path("whole")) == list(range(1, done + 3))
 
 
 def test_a_signal_ends_the_iteration_and_saves(monkeypatch):
@@ -269,6 +265,14 @@ def test_an_interrupted_save_loses_nothing(trained, begun, monkeypatch, name, mo
     assert bool(temporary) == ("before" in moment) and run_dir.newest_model(begun) not in temporary
     call(monkeypatch, "train", f"resume={begun}", "max_iterations=4")
     assert equal(begun, trained / "whole", 4) and not list(begun.glob(".*.tmp"))
+    assert steps(begun) == [1, 2, 3, 4]
+
+
+def test_the_last_checkpoint_is_written_once(begun, monkeypatch):
+    written, save = [], checkpoint.save
+    monkeypatch.setattr(checkpoint, "save", lambda content, path: (written.append(path.name), save(content, path)))
+    call(monkeypatch, "train", f"resume={begun}", "max_iterations=3")
+    assert written == ["model_3.pt", "resume.pt"]
 
 
 def test_temporary_files_are_removed_by_the_next_start_and_others_kept(begun, monkeypatch, capsys):
