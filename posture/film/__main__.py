@@ -25,7 +25,8 @@ def film(config: FilmConfig, job: Path) -> None:
 
     if "mp4" in config.formats:
         check_ffmpeg()
-    out = run_dir.writable(Path(config.out or run_dir.folder_for(str(run_dir.RUNS), None)))
+    out = Path(config.out or run_dir.folder_for(str(run_dir.RUNS), None))
+    run_dir.writable(out, *(f"{name}.{kind}" for name in config.films for kind in config.formats))
     from posture.film.trials import ramp, two_modes
 
     for name in config.films:

@@ -9,8 +9,10 @@ evaluation/       output of posture.eval
 """
 
 import datetime
+import errno
 import os
 import re
+import stat
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -140,12 +142,20 @@ def read_config(run: Path) -> TrainConfig:
     return read(TrainConfig, upgrade(values, path), str(path))
 
 
-def writable(folder: Path) -> Path:
-    """`folder`, created if necessary. Raises ConfigError if it cannot be written to."""
+def writable(folder: Path, *files: str) -> Path:
+    """`folder`, created if necessary. Raises ConfigError if it, or one of `files` in it, cannot be written to."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
         raise ConfigError(f"cannot write to the folder {folder}: {error.strerror}") from None
+    for path in (folder / name for name in files):
+        try:
+            if stat.S_ISDIR(path.lstat().st_mode):
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        except FileNotFoundError:
+            pass
+        except OSError as error:  # also a name that is too long
+            raise ConfigError(f"cannot write the file {path}: {error.strerror}") from None
     return folder

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+import uuid
 from pathlib import Path
 
 import pytest
@@ -305,7 +306,7 @@ def test_the_last_checkpoint_is_written_once(begun, monkeypatch):
 
 def test_temporary_files_are_removed_by_the_next_start_and_others_kept(begun, monkeypatch, capsys):
     """Unless another process is training in the folder, whose files they may be."""
-    temporary, other = begun / ".model_9.pt.12345.tmp", begun / ".mine.tmp"
+    temporary, other = begun / ".posture-1.tmp", begun / ".mine.tmp"
     temporary.write_bytes(b"half")
     other.write_bytes(b"another program's")
     assert run_dir.newest_model(begun).name == "model_2.pt"
@@ -349,8 +350,8 @@ def test_a_full_disk_is_one_line_and_loses_nothing_saved(begun, monkeypatch, cap
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
 def test_an_error_of_the_system_names_the_file_that_was_to_be_written(tmp_path, monkeypatch):
     """By a device that is always full."""
-    monkeypatch.setattr(atomic.os, "getpid", lambda: 1)
-    (tmp_path / ".model_1.pt.1.tmp").symlink_to("/dev/full")
+    monkeypatch.setattr(atomic.uuid, "uuid4", lambda: uuid.UUID(int=1))
+    (tmp_path / f".posture-{uuid.UUID(int=1).hex}.tmp").symlink_to("/dev/full")
     with pytest.raises(OSError, match="No space left on device") as full:
         checkpoint.save({"iter": 1}, tmp_path / "model_1.pt")
     assert full.value.filename == str(tmp_path / "model_1.pt") and list(tmp_path.iterdir()) == []
