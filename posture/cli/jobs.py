@@ -243,8 +243,8 @@ def refuse_other_training(config: TrainConfig, folder: Path) -> None:
     if different := _differences(saved, own) + provenance.other_code(folder):
         more = [f"and {len(different) - MAX_DIFFERENCES} more"] * (len(different) > MAX_DIFFERENCES)
         raise ConfigError(
-            f"{folder}: holds another training ({'; '.join(different[:MAX_DIFFERENCES] + more)}); resume={folder} continues it with its own values, "
-            "hydra.run.dir or hydra.sweep.dir names another folder"
+            f"{folder}: holds another training ({'; '.join(different[:MAX_DIFFERENCES] + more)}); resume={folder} continues "
+            "it with its own values, hydra.run.dir or hydra.sweep.dir names another folder"
         )
 
 

@@ -86,7 +86,7 @@ class PlayConfig(Strict):
     evaluation: EvaluationConfig
 
     @model_validator(mode="after")
-    def _within_the_sliders(self) -> "PlayConfig":
+    def _consistent(self) -> "PlayConfig":
         for name in SETTINGS:
             low, high, _ = getattr(self.sliders, name)
             value = getattr(self, name)
@@ -96,4 +96,6 @@ class PlayConfig(Strict):
         start, end = self.recording.freq
         if not low <= start < end <= high:
             raise ValueError(f"recording.freq: a ramp goes up within {low:g}..{high:g} Hz, got {[start, end]}")
+        if self.record is not None and not self.record.endswith(".html"):
+            raise ValueError(f"record = {self.record}: the name must end in .html")
         return self

@@ -18,19 +18,27 @@ if TYPE_CHECKING:
 
 
 def play(config: PlayConfig, _folder: Path) -> None:
-    """Serve the page until Ctrl-C, or write a recording. Raises ConfigError if viser is not installed."""
+    """Serve the page until Ctrl-C, or write a recording.
+
+    Raises ConfigError if viser is not installed, the port is in use, or the file cannot be written.
+    """
     from importlib.util import find_spec
 
     from posture.config.errors import ConfigError
+    from posture.play.address import check_port
+    from posture.storage import run_dir
 
     if find_spec("viser") is None:
         raise ConfigError("the page needs viser, which is not installed: python -m pip install viser")
-    # Imported here because they are slow.
+    # What is slow to import is imported after the checks.
     if config.record is not None:
+        path = Path(config.record)
+        run_dir.writable(path.parent, path.name)
         from posture.play.recording import record
 
-        record(config, Path(config.record))
+        record(config, path)
         return
+    check_port(config.port)
     from posture.play.server import serve
 
     serve(config)

@@ -47,7 +47,7 @@ class Plan:
 
 def reproduce(config: ReproduceConfig, _folder: Path) -> None:
     """Run the stages of `config`. Exits with 1 if a job failed; the report shows the results so far."""
-    run_dir.writable(Path(config.out))
+    run_dir.writable(Path(config.out), "report.html", "summary.md")
     plan = make_plan(config)
     wanted = [job for own in plan.wanted.values() for job in own]
     progress = SweepProgress(wanted)

@@ -12,6 +12,7 @@ import datetime
 import errno
 import os
 import re
+import stat
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -141,8 +142,11 @@ def read_config(run: Path) -> TrainConfig:
     return read(TrainConfig, upgrade(values, path), str(path))
 
 
-def writable(folder: Path) -> Path:
-    """`folder`. Raises ConfigError if it can be neither written to nor created. Creates nothing: the first file does."""
+def writable(folder: Path, *files: str) -> Path:
+    """`folder`. Raises ConfigError if it can be neither written to nor created, or one of `files` in it cannot be written.
+
+    Creates nothing; the first file that is written does.
+    """
     try:
         existing = next(place for place in (folder, *folder.absolute().parents) if place.exists() or place.is_symlink())
         if not existing.is_dir():
@@ -151,4 +155,12 @@ def writable(folder: Path) -> Path:
             pass
     except OSError as error:
         raise ConfigError(f"cannot write to the folder {folder}: {error.strerror}") from None
+    for path in (folder / name for name in files):
+        try:
+            if stat.S_ISDIR(path.lstat().st_mode):
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        except FileNotFoundError:
+            pass
+        except OSError as error:  # also a name that is too long
+            raise ConfigError(f"cannot write the file {path}: {error.strerror}") from None
     return folder
