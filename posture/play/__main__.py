@@ -17,10 +17,11 @@ if TYPE_CHECKING:
     from posture.config.play import PlayConfig
 
 
-def play(config: PlayConfig, _folder: Path) -> None:
-    """Serve the page until Ctrl-C, or write a recording. Raises ConfigError if viser is not installed."""
+def play(config: PlayConfig, folder: Path) -> None:
+    """Serve the page until Ctrl-C, or write a recording to `folder`. Raises ConfigError if viser is not installed."""
     from importlib.util import find_spec
 
+    from posture.cli import entry
     from posture.config.errors import ConfigError
 
     if find_spec("viser") is None:
@@ -29,11 +30,25 @@ def play(config: PlayConfig, _folder: Path) -> None:
     if config.record is not None:
         from posture.play.recording import record
 
-        record(config, Path(config.record))
+        record(config, recording_path(config.record, folder))
         return
+    if entry.in_sweep():
+        raise ConfigError("record: missing; the jobs of a sweep record, because a page is served until it is stopped")
     from posture.play.server import serve
 
     serve(config)
+
+
+def recording_path(name: str, folder: Path) -> Path:
+    """The file `name`, in the job's `folder` if it has one. Raises ConfigError for a path that leads out of it."""
+    from posture.cli import entry
+    from posture.config.errors import ConfigError
+
+    if not entry.has_folder():
+        return Path(name)
+    if Path(name).is_absolute() or ".." in Path(name).parts:
+        raise ConfigError(f"record = {name}: with out and in a sweep allowed is a path within the job's folder")
+    return folder / name
 
 
 def main() -> None:

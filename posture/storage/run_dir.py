@@ -34,11 +34,16 @@ def folder_for(parent: str, resume: str | None) -> str:
     """
     if resume is not None:
         return str(find_run(resume))
-    if os.environ.get("RANK", "0") != "0":
+    if not writes():
         return tempfile.mkdtemp(prefix="posture-")
     name = f"{datetime.datetime.now():%Y-%m-%d_%H-%M-%S}_{os.getpid()}"
     taken = sum(1 for path in Path(parent).glob(f"{name}*"))
     return str(Path(parent) / (f"{name}_{taken + 1}" if taken else name))
+
+
+def writes() -> bool:
+    """Whether this process writes results: of those that torchrun starts only the first does."""
+    return os.environ.get("RANK", "0") == "0"
 
 
 def is_run(folder: Path) -> bool:

@@ -177,10 +177,10 @@ def test_ramp_is_one_file(monkeypatch, tmp_path):
     ramp = "env.ramp={start: 0.2, rate: 0.5, duration: 1.0}"
     call(monkeypatch, "export", "what=[trajectories]", ramp, *TRIAL)
     (folder,) = Path("runs").iterdir()
-    assert {path.name for path in (folder / "export").iterdir()} == {
+    assert {path.name for path in (folder).iterdir()} == {
         "trajectory_ramp.sto", "trajectory_ramp.csv", "export.yaml",
     }  # fmt: skip
-    _, _, storage = read_sto(folder / "export" / "trajectory_ramp.sto")
+    _, _, storage = read_sto(folder / "trajectory_ramp.sto")
     time = storage["time"]
     ramped = np.minimum(time, 1.0)
     # A (1 - cos(phase)), with the integral of 2 pi f as phase; f stays at 0.7 Hz after the ramp.
