@@ -101,7 +101,7 @@ def _text(value: object) -> str:
         return ",".join(f"{key}:{_text(part)}" for key, part in value.items())
     if isinstance(value, tuple):
         return ",".join(map(_text, value))
-    return str(value).removesuffix(".0")
+    return "none" if value is None else str(value).removesuffix(".0")
 
 
 def main() -> None:

@@ -120,7 +120,7 @@ def check_trial(evaluation: EvaluationConfig, env: EnvConfig) -> None:
     most = min(MAX_SAMPLES // len(evaluation.freq), MAX_STEPS) * env.control_dt
     if evaluation.duration > most:
         raise ValueError(
-            f"evaluation.duration: allowed is at most {most:.6g} s at {len(evaluation.freq)} frequencies in control steps of "
-            f"{env.control_dt:g} s, got {evaluation.duration:g} s"
+            f"evaluation.duration = {evaluation.duration:g}: allowed is at most {most:.6g} s at {len(evaluation.freq)} "
+            f"frequencies in control steps of {env.control_dt:g} s"
         )
     check_followed(max(evaluation.freq), env.control_dt, "evaluation.freq")

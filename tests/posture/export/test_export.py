@@ -42,7 +42,7 @@ def exported(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         call(patch, "eval", "ckpt=pretrained", "out=eval", "evaluation.figures=false", *TRIAL)
-        call(patch, "export", "out=out", *TRIAL)
+        call(patch, "export", "out=out", *TRIAL[:2])
     return folder
 
 
@@ -175,7 +175,7 @@ def test_no_storage_file_after_a_fall_in_the_first_step(tmp_path):
 def test_ramp_is_one_file(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     ramp = "env.ramp={start: 0.2, rate: 0.5, duration: 1.0}"
-    call(monkeypatch, "export", "what=[trajectories]", ramp, *TRIAL)
+    call(monkeypatch, "export", "what=[trajectories]", ramp, TRIAL[1])
     (folder,) = Path("runs").iterdir()
     assert {path.name for path in (folder).iterdir()} == {
         "trajectory_ramp.sto", "trajectory_ramp.csv", "export.yaml",
@@ -341,7 +341,7 @@ def test_missing_packages(monkeypatch, capsys, tmp_path):
     line = refused(monkeypatch, capsys, "export")
     assert "onnxruntime" in line and "pip install" in line and "what=[trajectories]" in line
     assert list(tmp_path.iterdir()) == []
-    call(monkeypatch, "export", "what=[trajectories]", "out=out", "evaluation.freq=[0.5]", *TRIAL[1:])
+    call(monkeypatch, "export", "what=[trajectories]", "out=out", "evaluation.freq=[0.5]", TRIAL[1])
     assert {path.suffix for path in Path("out").iterdir()} == {".sto", ".csv", ".yaml"}
 
 
