@@ -15,8 +15,8 @@ from newton.solvers import SolverMuJoCo
 
 from envs.body.joints import ANKLES, BODIES, FEET, HIPS, JOINTS
 from envs.body.model import build_model, geometry
-from envs.config import EnvConfig
-from envs.engines.interface import ConstraintOverflowError, Simulation, top_speed
+from envs.config import ConstraintOverflowError, EnvConfig
+from envs.engines.interface import Simulation, top_speed
 
 _ROOT_Q, _ROOT_QD = 7, 6
 """Coordinates and velocities of the free root joint ahead of the hinges."""

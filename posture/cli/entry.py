@@ -21,13 +21,17 @@ from omegaconf import DictConfig
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 from pydantic import BaseModel
 
-from posture.cli import jobs, signals, sweep
+from envs.config import ConstraintOverflowError
+from posture.cli import jobs, output, signals, sweep
+from posture.config import torchrun
 from posture.config.errors import ConfigError, RunError
 from posture.config.published import CONF
 from posture.config.reading import read
 
 Config = TypeVar("Config", bound=BaseModel)
 
+FAILURES = (ConstraintOverflowError, FloatingPointError, RunError, OSError)
+"""Failures at run time whose message is enough; others are mistakes in the program, and end in a traceback."""
 _BAD_INPUT = (ConfigError, HydraException, OmegaConfBaseException)
 
 
@@ -35,10 +39,14 @@ def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> 
     """Run a command: `task(config, folder)` for each job of the command line, `folder` being the job's own.
 
     The configuration is conf/`name`.yaml with the command line's overrides, checked as `kind`. Exits with 2 on bad input,
-    with 1 if a job failed at run time, and with 130 or 143 if SIGINT or SIGTERM stopped it.
+    with 1 if a job failed at run time, and with 128 + its number if a signal stopped it. Output that fails never ends the
+    work.
     """
+    output.install()
     # Hydra would otherwise print a task's errors itself and exit with 1.
     os.environ["HYDRA_FULL_ERROR"] = "1"
+    # Figures go to files only. A notebook names a backend that its own kernel has and this Python may not.
+    os.environ["MPLBACKEND"] = "agg"
     # The processes of a parallel sweep cannot import a function of __main__.
     if task.__module__ == "__main__":
         spec = sys.modules["__main__"].__spec__
@@ -48,6 +56,8 @@ def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> 
         try:
             command = jobs.check(name, kind, sys.argv[1:])
             sys.argv[1:] = command.argv
+            if command.jobs:
+                _check_processes(name, command)
             if command.launcher is None:
                 with _removed_if_empty(command.jobs):
                     _start(command, lambda composed: _run_single(kind, task, composed))
@@ -106,7 +116,7 @@ def _run_single(kind: type[Config], task: Callable[[Config, Path], None], compos
         task(read(kind, jobs.plain(composed)), Path(HydraConfig.get().runtime.output_dir))
     except ConfigError as error:
         _refuse(error)  # not further up, because Hydra adds its own lines
-    except (FloatingPointError, RunError, OSError) as error:
+    except FAILURES as error:
         print(f"error: {one_line(error)}", file=sys.stderr)
         sys.exit(1)
 
@@ -131,6 +141,7 @@ def _run_sweep(
     numbers = {} if parallel else {os.path.abspath(job.folder): number for number, job in enumerate(command.jobs, 1)}
 
     def run_job(composed: DictConfig) -> None:
+        output.install()  # a launcher may run jobs in processes of its own
         folder = Path(HydraConfig.get().runtime.output_dir)
         if str(folder) in numbers:
             print(f"== job {numbers[str(folder)]} of {len(numbers)}, {folder.name}", flush=True)
@@ -145,6 +156,22 @@ def _run_sweep(
             raise
         except Exception as error:  # a process was killed, or a cluster job ran out of time
             print(f"error: the launcher stopped: {type(error).__name__}: {one_line(error)}", file=sys.stderr)
+
+
+def _check_processes(name: str, command: jobs.Command) -> None:
+    """Raise ConfigError if this process is one of several that cannot share this command."""
+    place = torchrun.place() or torchrun.Place()
+    if place.size > 1 and (name != "train" or command.launcher is not None):
+        raise ConfigError(
+            f"WORLD_SIZE={place.size}: only one training can be shared among processes; start "
+            f"{f'posture.{name}' if command.launcher is None else 'a sweep'} without torchrun, or unset WORLD_SIZE"
+        )
+    if name == "train" and {"RANK", "WORLD_SIZE"} & os.environ.keys() and (problem := torchrun.problem()):
+        print(
+            f"RANK and WORLD_SIZE have no effect: to share a training among processes, torchrun sets "
+            f"{', '.join(torchrun.VARIABLES)} ({problem})",
+            file=sys.stderr,
+        )
 
 
 def _start(command: jobs.Command, job: Callable[[DictConfig], None]) -> None:

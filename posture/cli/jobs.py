@@ -200,7 +200,7 @@ def run_folder(parent: str | None, resume: str | None, out: object) -> str:
 
     Empty for a job that has no folder of its own: without `out` and `parent`.
     """
-    if out is not None and resume is None and run_dir.writes():
+    if out is not None and resume is None:
         return checked_out(out)
     return "" if parent is None else run_dir.folder_for(parent, resume)
 

@@ -96,7 +96,7 @@ class PlayConfig(CommandConfig):
         return dict.fromkeys([*never, *page, *others], "on a recording")
 
     @model_validator(mode="after")
-    def _within_the_sliders(self) -> "PlayConfig":
+    def _consistent(self) -> "PlayConfig":
         for name in SETTINGS:
             low, high, _ = getattr(self.sliders, name)
             value = getattr(self, name)
@@ -106,4 +106,6 @@ class PlayConfig(CommandConfig):
         start, end = self.recording.freq
         if not low <= start < end <= high:
             raise ValueError(f"recording.freq: a ramp goes up within {low:g}..{high:g} Hz, got {[start, end]}")
+        if self.record is not None and not self.record.endswith(".html"):
+            raise ValueError(f"record = {self.record}: the name must end in .html")
         return self

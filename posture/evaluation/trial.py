@@ -35,6 +35,7 @@ from posture.theory.program import InfeasibleError
 from posture.theory.stander import linearise
 
 AS_TRAINED = EnvChanges(hip_k=None, ankle_k=None, load=None, amplitude=None, physics=None, ramp=None)
+FILES = ("trajectories.npz", "metrics.csv", "table.md", "trial.yaml")
 
 
 def evaluate_run(run: Path, config: TrainConfig) -> list[Result]:
@@ -59,7 +60,7 @@ def evaluate(
     With `again` false, results of the same policy, code and conditions in `out` are read instead.
     """
     checkpoint.load(model, device)  # a damaged file is refused before anything is written
-    run_dir.writable(out)
+    run_dir.writable(out, *FILES)
     trial = trial_config(run.env, evaluation, changes, device)
     if not again and is_current(out, model, run, evaluation, changes, device):
         rows = read_csv(out / "metrics.csv")
@@ -90,7 +91,7 @@ def evaluate_lqr(
         motions = [plan(stander, freq, trial.amplitude, evaluation.tolerance, config) for freq in evaluation.freq]
     except InfeasibleError as error:
         raise ConfigError(str(error)) from None
-    run_dir.writable(out)
+    run_dir.writable(out, *FILES)
     with preparing():
         env = HeadTrackingEnv(trial, 0, device)
         env.warm_up()

@@ -48,13 +48,13 @@ def write_trajectories(config: ExportConfig, model: Path, run: TrainConfig, out:
         entry.refuse("evaluation.freq", "in a ramp, which the policy was trained on (env.ramp=none ends it)")
         evaluation = evaluation.model_copy(update={"freq": evaluation.freq[:1]})  # one world suffices
     trial = trial_config(run.env, evaluation, config.env, config.device)
-    run_dir.writable(out)
+    names = ["trajectory_ramp"] if trial.ramp else [f"trajectory_{hertz!r}Hz" for hertz in evaluation.freq]
+    run_dir.writable(out, "export.yaml", *(f"{name}.{kind}" for name in names for kind in ("sto", "csv")))
     env, policy = open_trial(model, run, trial, config.device)
     freq = torch.tensor(evaluation.freq, dtype=torch.float64) if trial.ramp is None else None
     trajectory = rollout(env, policy, freq, evaluation.duration)
     (out / "export.yaml").unlink(missing_ok=True)  # it describes earlier files
-    for world, hertz in enumerate(evaluation.freq):
-        name = "trajectory_ramp" if freq is None else f"trajectory_{hertz!r}Hz"
+    for world, name in enumerate(names):
         sto, csv = out / f"{name}.sto", out / f"{name}.csv"
         written = write_sto(trajectory, world, sto, config.in_degrees)
         write_csv(trajectory, world, csv)
@@ -82,8 +82,7 @@ def write_policy(model: Path, run: TrainConfig, out: Path) -> None:
     from posture.learning.networks import load_policy
     from posture.storage import checkpoint
 
-    run_dir.writable(out)
-    path = out / "policy.onnx"
+    path = run_dir.writable(out, "policy.onnx") / "policy.onnx"
     difference = onnx_policy.write_onnx(load_policy(checkpoint.load(model, "cpu"), run, model, "cpu"), run, model, path)
     print(f"{path}  within {difference:.1g} of the policy in torch ({onnx_policy.CHECKED} observations)")
 

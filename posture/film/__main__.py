@@ -20,7 +20,7 @@ def film(config: FilmConfig, folder: Path) -> None:
     """Roll out the policy that `ckpt` names, and write each film in each format to `folder`."""
     model = run_dir.find_checkpoint(config.ckpt)
     run = run_dir.read_config(model.parent)
-    run_dir.writable(folder)
+    run_dir.writable(folder, *(f"{name}.{kind}" for name in config.films for kind in config.formats))
     # Imported here because they are slow.
     from posture.film.trials import ramp, two_modes
     from posture.film.video import write_gif, write_mp4

@@ -48,7 +48,7 @@ class Plan:
 def reproduce(config: ReproduceConfig, folder: Path) -> None:
     """Run the stages of `config`; the report goes into `folder`. Exits with 1 if a job failed; the report shows the results
     so far."""
-    run_dir.writable(folder)
+    run_dir.writable(folder, "report.html", "summary.md")
     plan = make_plan(config)
     wanted = [job for own in plan.wanted.values() for job in own]
     progress = SweepProgress(wanted)

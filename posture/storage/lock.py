@@ -1,13 +1,13 @@
 """One process at a time in a folder: a lock that is released when its process ends, in any way."""
 
 import contextlib
-import os
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
 from filelock import FileLock, Timeout
 
+from posture.config import torchrun
 from posture.config.errors import ConfigError
 
 
@@ -18,7 +18,7 @@ def locked(folder: Path) -> Iterator[None]:
     A process may take a lock that it already holds. Of the processes that torchrun starts only the first takes it.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    if os.environ.get("RANK", "0") != "0":
+    if torchrun.rank() > 0:
         yield
         return
     try:

@@ -1,5 +1,4 @@
-"""Where results go: `out` is the folder of every command, in a sweep with a folder for each job; an evaluation that differs from
-the run's own has a folder of its own."""
+"""Where results go: a folder for every command and each job, and one for what differs from a run's own evaluation."""
 
 from pathlib import Path
 
@@ -8,7 +7,6 @@ import yaml
 
 from posture.cli import entry
 from posture.eval import differences
-from posture.storage import run_dir
 from tests.commands import ENTRIES, EVALUATION, TINY, answer, call, refused, table
 from tests.conftest import compose, compose_eval
 
@@ -107,12 +105,3 @@ def test_a_record_stays_within_the_folder_of_its_job(monkeypatch, capsys):
     with pytest.raises(SystemExit):
         call(monkeypatch, "play", "-m", "load=0,1")
     assert capsys.readouterr().out.count("record: missing") >= 2
-
-
-def test_only_the_first_process_of_torchrun_writes_into_out(monkeypatch):
-    from posture.cli.jobs import run_folder
-
-    assert run_folder("runs", None, "here") == "here"
-    monkeypatch.setenv("RANK", "1")
-    assert run_folder("runs", None, "here") != "here"
-    assert not run_dir.writes()
