@@ -27,15 +27,17 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
     `job`: the folder for the results. A single evaluation without `out` has none: its results go into the folder of the run,
     and those of a shipped policy or of the model-based controller into a new one.
     """
-    own, new = entry.has_folder(), run_dir.folder_for(str(run_dir.RUNS), None)
+    own, new = entry.has_folder(), Path(run_dir.folder_for(str(run_dir.RUNS), None))
     if config.policy == "lqr":
         from posture.evaluation.trial import evaluate_lqr
 
-        evaluate_lqr(config.lqr, config.evaluation, config.env, config.device, job if own else Path(new))
+        evaluate_lqr(config.lqr, config.evaluation, config.env, config.device, job if own else new)
         return
     in_experiment = entry.in_sweep() and entry.experiment() is not None
     models = run_dir.find_checkpoints(config.ckpt, only_current if in_experiment else None)
     runs = [run_dir.read_config(model.parent) for model in models]
+    if not own and any(map(run_dir.is_shipped, models)):
+        own, job = True, new  # nothing is written into the package
     if all(config.env.ramps(run.env) for run in runs):
         entry.refuse("evaluation.freq", "in a ramp, which the policy was trained on (env.ramp=none ends it)")
     # All checkpoints are checked, which needs torch but no physics, before the first is evaluated.
@@ -55,9 +57,7 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
         if own:
             folder = job / model.parent.name if several else job
         else:
-            # Nothing is written into the package.
-            home = Path(new) if run_dir.is_shipped(model) else model.parent
-            folder = home / "_".join(["evaluation", *is_not_final(model, run), *differences(run, config)])
+            folder = model.parent / "_".join(["evaluation", *is_not_final(model, run), *differences(run, config)])
         rows = evaluate(model, run, config.evaluation, config.env, config.device, folder, config.again)
         results += [replace(row, origin=origin(run, config.env, model.parent.name)) for row in rows]
     if several:

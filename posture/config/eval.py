@@ -112,6 +112,10 @@ def check_trial(evaluation: EvaluationConfig, env: EnvConfig) -> None:
     """Raise ValueError unless a trial has at least two control steps after its transient, fits in memory, and has targets
     slow enough for the control step."""
     steps = round(evaluation.duration / env.control_dt)
+    if steps < 1:
+        raise ValueError(
+            f"evaluation.duration = {evaluation.duration:g}: shorter than a control step of {env.control_dt:g} s"
+        )
     if (steps - 1) * env.control_dt < evaluation.transient:
         raise ValueError(
             f"evaluation.transient: {evaluation.transient:g} s leaves nothing of a trial of {evaluation.duration:g} s in "
