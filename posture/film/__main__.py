@@ -20,10 +20,13 @@ def film(config: FilmConfig, folder: Path) -> None:
     """Roll out the policy that `ckpt` names, and write each film in each format to `folder`."""
     model = run_dir.find_checkpoint(config.ckpt)
     run = run_dir.read_config(model.parent)
-    run_dir.writable(folder, *(f"{name}.{kind}" for name in config.films for kind in config.formats))
     # Imported here because they are slow.
+    from posture.film.video import check_ffmpeg, write_gif, write_mp4
+
+    if "mp4" in config.formats:
+        check_ffmpeg()
+    run_dir.writable(folder, *(f"{name}.{kind}" for name in config.films for kind in config.formats))
     from posture.film.trials import ramp, two_modes
-    from posture.film.video import write_gif, write_mp4
 
     for name in config.films:
         frames = {"two_modes": two_modes, "ramp": ramp}[name](config, model, run)
