@@ -114,6 +114,34 @@ class Window:
         self.page.screenshot(path=SCREENSHOTS / f"{name}.png")
 
 
+# These come first: beside another window, which also renders in software, they are slow.
+
+
+@pytest.mark.slow
+def test_error_is_shown(browser, server, monkeypatch):
+    window = Window(browser, server, height=400)
+    monkeypatch.setattr(window.session, "step", lambda: 1 / 0)
+    window.page.get_by_text("ZeroDivisionError: division by zero; reload the page").wait_for()
+    window.page.close()
+
+
+@pytest.mark.slow
+def test_recording_plays_without_python(browser, tmp_path):
+    config = compose_play("record=x.html", "recording.freq=[0.7,0.75]", "recording.hold=2", "frames_per_s=10")
+    path = tmp_path / "session.html"
+    record(config, path)
+    page, errors, requests = new_page(browser, 1000, 700)
+    page.goto(path.as_uri())
+    page.locator(".mantine-Slider-root").wait_for()
+    end = time.monotonic() + TIMEOUT_S
+    while not 0.01 < blue(pixels(page.screenshot(path=SCREENSHOTS / "recording.png"))) < 0.5:  # the scene fades in
+        assert time.monotonic() < end, "the body is not visible"
+        page.wait_for_timeout(500)
+    assert errors == []
+    assert [url for url in requests if not url.startswith(("data:", "blob:", path.as_uri()))] == []
+    page.close()
+
+
 @pytest.fixture(scope="module")
 def shared(browser, server):
     window = Window(browser, server)
@@ -128,7 +156,8 @@ def window(shared):
         shared.toggle("pause")
     shared.enter("frequency [Hz]", 0.3)
     shared.press("reset")
-    shared.wait(lambda: shared.session.settings.freq == 0.3 and not shared.session.paused and shared.session.time > 0)
+    shared.wait(lambda: shared.session.settings.freq == 0.3 and not shared.session.paused)
+    shared.page.locator("[data-mode='undefined']").wait_for()
     return shared
 
 
@@ -208,28 +237,3 @@ def test_controls_reach_the_session_and_show_its_settings(window):
     window.page.get_by_role("option", name="pretrained/hip_k-75", exact=True).click()
     window.wait(lambda: window.session.settings.hip_k == window.value("hip stiffness") == 75)
     assert window.session.policy == "pretrained/hip_k-75" and window.errors == []
-
-
-@pytest.mark.slow
-def test_error_is_shown(browser, server, monkeypatch):
-    window = Window(browser, server, height=400)
-    monkeypatch.setattr(window.session, "step", lambda: 1 / 0)
-    window.page.get_by_text("ZeroDivisionError: division by zero; reload the page").wait_for()
-    window.page.close()
-
-
-@pytest.mark.slow
-def test_recording_plays_without_python(browser, tmp_path):
-    config = compose_play("record=x.html", "recording.freq=[0.7,0.75]", "recording.hold=2", "frames_per_s=10")
-    path = tmp_path / "session.html"
-    record(config, path)
-    page, errors, requests = new_page(browser, 1000, 700)
-    page.goto(path.as_uri())
-    page.locator(".mantine-Slider-root").wait_for()
-    end = time.monotonic() + TIMEOUT_S
-    while not 0.01 < blue(pixels(page.screenshot(path=SCREENSHOTS / "recording.png"))) < 0.5:  # the scene fades in
-        assert time.monotonic() < end, "the body is not visible"
-        page.wait_for_timeout(500)
-    assert errors == []
-    assert [url for url in requests if not url.startswith(("data:", "blob:", path.as_uri()))] == []
-    page.close()
