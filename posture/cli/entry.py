@@ -27,6 +27,7 @@ from posture.config import torchrun
 from posture.config.errors import ConfigError, RunError
 from posture.config.published import CONF
 from posture.config.reading import read
+from posture.storage import kernel_cache
 
 Config = TypeVar("Config", bound=BaseModel)
 
@@ -58,11 +59,12 @@ def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> 
             sys.argv[1:] = command.argv
             if command.jobs:
                 _check_processes(name, command)
-            if command.launcher is None:
-                _start(command, lambda composed: _run_single(kind, task, composed))
-                return
-            progress = sweep.SweepProgress(command.jobs)
-            _run_sweep(command, kind, task, progress)
+            with kernel_cache.writable() if command.jobs else contextlib.nullcontext():
+                if command.launcher is None:
+                    _start(command, lambda composed: _run_single(kind, task, composed))
+                    return
+                progress = sweep.SweepProgress(command.jobs)
+                _run_sweep(command, kind, task, progress)
         except _BAD_INPUT as error:
             _refuse(error)
     if not sweep.print_summary(command.jobs, progress.done_before):

@@ -20,11 +20,14 @@ def film(config: FilmConfig, job: Path) -> None:
     """Roll out the policy that `ckpt` names, and write each film in each format."""
     model = run_dir.find_checkpoint(config.ckpt)
     run = run_dir.read_config(model.parent)
+    # Imported here because they are slow.
+    from posture.film.video import check_ffmpeg, write_gif, write_mp4
+
+    if "mp4" in config.formats:
+        check_ffmpeg()
     out = Path(config.out or run_dir.folder_for(str(run_dir.RUNS), None))
     run_dir.writable(out, *(f"{name}.{kind}" for name in config.films for kind in config.formats))
-    # Imported here because they are slow.
     from posture.film.trials import ramp, two_modes
-    from posture.film.video import write_gif, write_mp4
 
     for name in config.films:
         frames = {"two_modes": two_modes, "ramp": ramp}[name](config, model, run)
