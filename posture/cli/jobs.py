@@ -100,6 +100,10 @@ def _flag_parser() -> _FlagParser:
 def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
     """Compose conf/`name`.yaml with `argv` and check every job as `kind`. Raises ConfigError and Hydra's own errors."""
     with _errors_are_bad_input():
+        try:
+            os.getcwd()
+        except FileNotFoundError:
+            raise ConfigError("the working directory has been deleted") from None
         flags = _flag_parser().parse_intermixed_args(list(argv))
         name = flags.config_name or name
         if (flags.cfg or flags.info) and (flags.multirun or flags.run):

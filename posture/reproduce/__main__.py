@@ -9,6 +9,7 @@ Trainings and evaluations are separate commands. Each is printed before it is ru
 """
 
 import shlex
+import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -17,7 +18,7 @@ from pathlib import Path
 
 from hydra.core.global_hydra import GlobalHydra
 
-from posture.cli import entry, jobs
+from posture.cli import entry, jobs, signals
 from posture.cli.jobs import Job
 from posture.cli.sweep import SweepProgress, fraction_done, print_summary, report_periodically
 from posture.config.errors import ConfigError
@@ -127,10 +128,20 @@ def commands(config: ReproduceConfig) -> list[str]:
 
 
 def run(name: str, arguments: Sequence[str]) -> bool:
-    """Print and run `python -m posture.<name>` with `arguments`; whether it failed."""
+    """Print and run `python -m posture.<name>` with `arguments`; whether it failed. It ends before a signal ends this."""
     command = ["-m", f"posture.{name}", *arguments]
     print(f"$ python {shlex.join(command)}", flush=True)
-    return subprocess.run([sys.executable, *command], check=False).returncode != 0
+    with subprocess.Popen([sys.executable, *command]) as child:
+        try:
+            return child.wait() != 0
+        except signals.Stopped as stop:
+            if stop.number != signal.SIGINT:  # Ctrl-C reaches both
+                child.send_signal(stop.number)
+            try:
+                child.wait()  # it saves
+            except signals.Stopped:
+                child.kill()
+            raise
 
 
 def _launcher(config: ReproduceConfig) -> list[str]:
