@@ -9,7 +9,7 @@ import importlib
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
@@ -61,7 +61,8 @@ def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> 
                 _check_processes(name, command)
             with kernel_cache.writable() if command.jobs else contextlib.nullcontext():
                 if command.launcher is None:
-                    _start(command, lambda composed: _run_single(kind, task, composed))
+                    with _removed_if_empty(command.jobs):
+                        _start(command, lambda composed: _run_single(kind, task, composed))
                     return
                 progress = sweep.SweepProgress(command.jobs)
                 _run_sweep(command, kind, task, progress)
@@ -76,6 +77,11 @@ def in_sweep() -> bool:
     return bool(HydraConfig.get().mode == RunMode.MULTIRUN)
 
 
+def has_folder() -> bool:
+    """Whether the current job has a folder of its own: all have but a single evaluation, or a live page, without `out`."""
+    return in_sweep() or HydraConfig.get().run.dir != ""
+
+
 def experiment() -> str | None:
     """The experiment of conf/experiment/ that the current job belongs to, if any."""
     return HydraConfig.get().runtime.choices.get("experiment")
@@ -84,6 +90,12 @@ def experiment() -> str | None:
 def overridden_keys() -> set[str]:
     """Keys that the current job's command line sets."""
     return {override.split("=", 1)[0].lstrip("+~") for override in HydraConfig.get().overrides.task}
+
+
+def refuse(key: str, why: str) -> None:
+    """Raise ConfigError if a single command sets `key`, which has no effect; in a sweep it may have one in another job."""
+    if key in overridden_keys() and not in_sweep():
+        raise ConfigError(f"{key}: has no effect {why}")
 
 
 def one_line(error: Exception) -> str:
@@ -96,8 +108,7 @@ def one_line(error: Exception) -> str:
     text = re.sub(
         r"\n\s*(full_key|object_type|Config search path|To append to your config|See https).*", "", str(error), flags=re.S
     )
-    # The rest is the message of one of our resolvers.
-    return re.sub(r"^ConfigError raised while resolving interpolation: ", "", " ".join(text.split()))
+    return " ".join(text.removeprefix("ConfigError raised while resolving interpolation: ").split())
 
 
 def _run_single(kind: type[Config], task: Callable[[Config, Path], None], composed: DictConfig) -> None:
@@ -109,9 +120,17 @@ def _run_single(kind: type[Config], task: Callable[[Config, Path], None], compos
     except FAILURES as error:
         print(f"error: {one_line(error)}", file=sys.stderr)
         sys.exit(1)
+
+
+@contextlib.contextmanager
+def _removed_if_empty(own: Sequence[jobs.Job]) -> Iterator[None]:
+    """At the end of this context remove the folders that it created for jobs which wrote nothing."""
+    missing = [folder for job in own for folder in (job.folder, *job.folder.parents) if not folder.exists()]
+    try:
+        yield
     finally:
-        if folder != Path.cwd():
-            with contextlib.suppress(OSError):  # Hydra created it; it stays unless it is empty
+        with contextlib.suppress(OSError):
+            for folder in missing:
                 folder.rmdir()
 
 

@@ -10,6 +10,7 @@ import hashlib
 import itertools
 import json
 import math
+import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -27,7 +28,7 @@ from omegaconf.errors import OmegaConfBaseException
 from pydantic import BaseModel
 
 from posture.cli.ranges import expand_ranges
-from posture.config.checks import check_device
+from posture.config.checks import CommandConfig, Output, check_device
 from posture.config.errors import ConfigError
 from posture.config.published import CONF, without_published
 from posture.config.reading import read
@@ -47,7 +48,7 @@ MAX_SLUG_LENGTH = 80
 
 @dataclass(frozen=True)
 class Job:
-    """One job: its checked configuration, and its folder if it is part of a sweep."""
+    """One job: its checked configuration, and its folder; that of an evaluation without `out` is the working directory."""
 
     config: BaseModel
     folder: Path
@@ -98,6 +99,10 @@ def _flag_parser() -> _FlagParser:
 def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
     """Compose conf/`name`.yaml with `argv` and check every job as `kind`. Raises ConfigError and Hydra's own errors."""
     with _errors_are_bad_input():
+        try:
+            os.getcwd()
+        except FileNotFoundError:
+            raise ConfigError("the working directory has been deleted") from None
         flags = _flag_parser().parse_intermixed_args(list(argv))
         name = flags.config_name or name
         if (flags.cfg or flags.info) and (flags.multirun or flags.run):
@@ -121,12 +126,15 @@ def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
             if len(fixed) < len(parsed):
                 raise ConfigError("several values for one key make a sweep: add -m, or write a list as [a,b]")
             config = _checked(kind, common)
-            folder = Path(common.hydra.run.dir)
-            if not folder.is_dir():  # an evaluation may be started in a folder that is read-only
-                run_dir.writable(folder)
+            _check_effect([config], fixed)
+            folder = str(common.hydra.run.dir)
+            if folder:  # without one, an evaluation may be started in a folder that is read-only
+                run_dir.writable(Path(folder))
+                # Fixed here, because the name of a new folder depends on the time.
+                overrides.append(f"hydra.run.dir={_quoted(folder)}")
             if isinstance(config, TrainConfig):
-                _check_run(config, folder)
-            return Command(overrides, name, [Job(config, Path())], None)
+                _check_run(config, Path(folder))
+            return Command(overrides, name, [Job(config, Path(folder))], None)
 
 
 def _check_sweep(
@@ -136,12 +144,15 @@ def _check_sweep(
     if common.hydra.runtime.choices["hydra/sweeper"] != "basic":
         raise ConfigError("hydra/sweeper: allowed is basic, Hydra's own")
     swept = {str(key): str(value) for key, value in (common.hydra.sweeper.get("params") or {}).items()}
+    if any(override.key_or_group == "out" and override.is_sweep_override() for override in parsed):
+        raise ConfigError("out: allowed is one folder; each job of a sweep gets its own in it")
     extra = []
     if not any(override.key_or_group == "hydra.sweep.dir" for override in parsed):
         # Fixed here: a launcher that starts processes would compute a new name in each.
         extra.append(f"hydra.sweep.dir={_quoted(common.hydra.sweep.dir)}")
     # A job's folder is named after what is swept, not after what all jobs share.
-    shared = [key for o in parsed if (key := o.key_or_group) not in swept and not o.is_sweep_override()]
+    named = {*swept, *(o.key_or_group for o in parsed if o.is_sweep_override())}
+    shared = [o.key_or_group for o in parsed if o.key_or_group not in named]
     extra.append(f"hydra.job.config.override_dirname.exclude_keys=[{','.join(map(_quoted, shared))}]")
     parser = OverridesParser.create(GlobalHydra.instance().config_loader())
     every = parser.parse_overrides([*(f"{key}={value}" for key, value in swept.items()), *overrides, *extra])
@@ -153,6 +164,7 @@ def _check_sweep(
             raise ConfigError("resume continues one run: not together with -m")
         jobs.append(Job(config, Path(composed.hydra.sweep.dir) / composed.hydra.sweep.subdir))
     _check_folders(jobs, Path(common.hydra.sweep.dir))
+    _check_effect([job.config for job in jobs], parsed)
     for job in jobs:
         if isinstance(job.config, TrainConfig):
             refuse_other_training(job.config, job.folder)
@@ -183,16 +195,34 @@ def compose(name: str, kind: type[Config], *overrides: str) -> Config:
 
 
 def plain(composed: DictConfig) -> dict[str, Any]:
-    """A composed configuration as plain values, without Hydra's own part and the published numbers."""
-    own = {str(key): composed[key] for key in composed if key != "hydra"}
+    """A composed configuration as plain values, without Hydra's own part, the published numbers, and `out`, which is
+    for the folder of a job only."""
+    own = {str(key): composed[key] for key in composed if key not in ("hydra", "out")}
     return without_published(
         {key: OmegaConf.to_container(v, resolve=True) if OmegaConf.is_config(v) else v for key, v in own.items()}
     )
 
 
-def sweep_folder(parent: str, experiment: str | None) -> str:
-    """Folder of the sweep that is about to start: that of the experiment, or a new one. A resolver of conf/."""
+def run_folder(parent: str | None, resume: str | None, out: object) -> str:
+    """Folder of a single job: `out`, that of the run it resumes, or a new one. A resolver of conf/.
+
+    Empty for a job that has no folder of its own: without `out` and `parent`.
+    """
+    if out is not None and resume is None:
+        return checked_out(out)
+    return "" if parent is None else run_dir.folder_for(parent, resume)
+
+
+def sweep_folder(parent: str, experiment: str | None, out: object) -> str:
+    """Folder of the sweep that is about to start: `out`, that of the experiment, or a new one. A resolver of conf/."""
+    if out is not None:
+        return checked_out(out)
     return run_dir.folder_for(parent, None) if experiment is None else str(Path(parent) / experiment)
+
+
+def checked_out(out: object) -> str:
+    """The folder that the key `out` names. Raises ConfigError if it cannot be a path."""
+    return str(read(Output, {"out": out}).out)
 
 
 def job_folder(number: int, overrides: str, experiment: str | None, *, _root_: DictConfig) -> str:
@@ -244,7 +274,7 @@ def refuse_other_training(config: TrainConfig, folder: Path) -> None:
         more = [f"and {len(different) - MAX_DIFFERENCES} more"] * (len(different) > MAX_DIFFERENCES)
         raise ConfigError(
             f"{folder}: holds another training ({'; '.join(different[:MAX_DIFFERENCES] + more)}); resume={folder} continues "
-            "it with its own values, hydra.run.dir or hydra.sweep.dir names another folder"
+            "it with its own values, out= names another folder"
         )
 
 
@@ -265,12 +295,31 @@ def _check_run(config: TrainConfig, folder: Path) -> None:
     if config.resume is None:
         refuse_other_training(config, folder)
     elif folder.resolve() != (own := run_dir.find_run(config.resume)).resolve():
-        raise ConfigError(f"hydra.run.dir: a resumed run stays in its folder, {own}; leave out hydra.run.dir")
+        raise ConfigError(f"a resumed run stays in its folder, {own}: leave out hydra.run.dir")
 
 
-OmegaConf.register_new_resolver("posture.run_folder", run_dir.folder_for, use_cache=True, replace=True)
+OmegaConf.register_new_resolver("posture.run_folder", run_folder, use_cache=True, replace=True)
 OmegaConf.register_new_resolver("posture.sweep_folder", sweep_folder, use_cache=True, replace=True)
 OmegaConf.register_new_resolver("posture.job_folder", job_folder, replace=True)
+
+
+def _check_effect(configs: Sequence[BaseModel], overrides: Sequence[Override]) -> None:
+    """Raise ConfigError if one of the `overrides` sets a key that has no effect in any of the jobs."""
+    unused = [config.without_effect() if isinstance(config, CommandConfig) else {} for config in configs]
+    for key in (key for override in overrides for key in _keys(override)):
+        whys = [next((why for name, why in own.items() if f"{key}.".startswith(f"{name}.")), None) for own in unused]
+        if all(whys):
+            raise ConfigError(f"{key}: has no effect {whys[0]}")
+
+
+def _keys(override: Override) -> list[str]:
+    """The keys that an override sets: of a record, each of its own."""
+
+    def below(key: str, value: object) -> list[str]:
+        parts = value.items() if isinstance(value, dict) else ()
+        return [name for part, inner in parts for name in below(f"{key}.{part}", inner)] or [key]
+
+    return below(override.key_or_group, None if override.is_sweep_override() else override.value())
 
 
 def _check_folders(jobs: Sequence[Job], sweep: Path) -> None:

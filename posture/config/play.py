@@ -5,8 +5,8 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from envs.config import Amplitude, AnkleStiffness, Freq, HipStiffness, Load, Strict
-from posture.config.checks import PathText, Share, Tolerance
-from posture.config.eval import EvaluationConfig, LqrConfig
+from posture.config.checks import CommandConfig, PathText, Share, Tolerance
+from posture.config.eval import LQR_ENV, EvaluationConfig, LqrConfig
 
 Step = Annotated[float, Field(gt=0, le=1000)]
 Force = Annotated[float, Field(gt=0, le=10_000)]
@@ -59,7 +59,7 @@ class Recording(Strict):
     hold: Annotated[float, Field(ge=0, le=60)]
 
 
-class PlayConfig(Strict):
+class PlayConfig(CommandConfig):
     """Configuration of `posture.play`."""
 
     ckpt: PathText
@@ -84,6 +84,16 @@ class PlayConfig(Strict):
     recording: Recording
     lqr: LqrConfig
     evaluation: EvaluationConfig
+
+    def without_effect(self) -> dict[str, str]:
+        """See `CommandConfig`."""
+        unused = EvaluationConfig.model_fields.keys() - {"tolerance", "still_joint_deg"}
+        never = [*(f"evaluation.{key}" for key in unused), *(f"lqr.env.{key}" for key in (*LQR_ENV, "physics", "ramp"))]
+        if self.record is None:
+            return dict.fromkeys(never, "on the page") | dict.fromkeys(("recording", "out"), "without record")
+        page = ("port", "browser", "visitors", "freq", "push", "slow_motion", "plots_per_s")
+        others = ("lqr",) if self.ckpt != "lqr" else ()
+        return dict.fromkeys([*never, *page, *others], "on a recording")
 
     @model_validator(mode="after")
     def _consistent(self) -> "PlayConfig":

@@ -169,8 +169,8 @@ def _policy_record(model: Path, run: TrainConfig) -> dict[str, Any]:
 
 
 def _conditions(evaluation: EvaluationConfig, env: EnvConfig) -> dict[str, Any]:
-    """The conditions of an evaluation."""
-    return {"evaluation": evaluation.model_dump(mode="json"), "env": as_plain(env)}
+    """The conditions of an evaluation, on which its numbers depend."""
+    return {"evaluation": evaluation.model_dump(mode="json", exclude={"figures"}), "env": as_plain(env)}
 
 
 def with_theory(rows: list[Result], env: EnvConfig, evaluation: EvaluationConfig) -> list[Result]:
@@ -214,9 +214,11 @@ def trial_config(env: EnvConfig, evaluation: EvaluationConfig, changes: EnvChang
         check_engine(changes.physics or env.physics, device)
     except ValueError as error:
         raise ConfigError(str(error)) from None
-    values = env.model_dump()
-    values.update({key: value for key, value in changes.model_dump().items() if value is not None})
+    values = changes.apply_to(env)
     values["num_envs"] = len(evaluation.freq)
     values["episode_steps"] = 2 * round(evaluation.duration / env.control_dt) + 1
     values["termination"] |= {"foot_motion": None, "head_tolerance": None}
-    return read(EnvConfig, values)
+    try:
+        return read(EnvConfig, values)
+    except ConfigError as error:
+        raise ConfigError(f"env.{error}") from None

@@ -62,7 +62,7 @@ def starts(run: Path) -> list[Any]:
 def other_code(run: Path) -> list[str]:
     """`name before, not now` for the training code and each library with which `run` was started in another version."""
     now = {"training code": training_code(), **library_versions()}
-    different = {}
+    different: dict[str, str | None] = {}
     for start in starts(run):
         with contextlib.suppress(KeyError, TypeError):  # a start of an earlier version of posture may lack a part
             before = {"training code": start["training_code"], **start["versions"]}

@@ -128,6 +128,22 @@ def test_controls_act_in_order_in_the_thread_of_the_session():
         wait(lambda: control(visitor, "frequency [Hz]").value < 1.5)  # the slider follows the ramp
 
 
+@pytest.mark.slow
+def test_speed():
+    """Real time, or a quarter of it in slow motion; never faster, slower on a busy machine."""
+    with serving() as server:
+        page = Page(server)
+        visitor = visitor_of(server, page)
+        wait(lambda: visitor.frames > 0)
+        for slow, low, high in ((False, 0.7, 1.02), (True, 0.15, 0.27)):
+            page.change(control(visitor, "slow motion"), slow)
+            wait(lambda slow=slow: visitor.panel.speed == (0.25 if slow else 1.0))
+            time.sleep(0.5)
+            start, before = time.monotonic(), visitor.session.time
+            time.sleep(3.0)
+            assert low < (visitor.session.time - before) / (time.monotonic() - start) < high
+
+
 def test_policy_that_cannot_be_loaded_is_reported_and_the_session_continues(monkeypatch):
     def damaged(*_):
         raise ConfigError("not readable")

@@ -83,7 +83,7 @@ def test_a_read_only_folder_is_refused(monkeypatch, capsys):
 def test_a_folder_in_the_place_of_a_file_is_refused_before_the_work(monkeypatch, capsys, arguments, file):
     (Path("out") / file).mkdir(parents=True)
     before = tree(Path.cwd())
-    assert f"cannot write the file out/{file}: Is a directory" in refused(monkeypatch, capsys, *arguments)
+    assert f"out/{file}: Is a directory" in refused(monkeypatch, capsys, *arguments)
     assert tree(Path.cwd()) == before
 
 
@@ -231,3 +231,11 @@ def test_an_interrupted_sweep_keeps_the_jobs_that_are_done():
     again = subprocess.run(sweep, check=True, capture_output=True, text=True)
     assert "sweep: 2 of 2 jobs done, 1 of them before" in again.stdout
     assert yaml.safe_load((done / "status.yaml").read_text())["state"] == "done"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there a working directory cannot be deleted")
+def test_a_deleted_working_directory(tmp_path, monkeypatch, capsys):
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert refused(monkeypatch, capsys, "train") == "error: the working directory has been deleted"
