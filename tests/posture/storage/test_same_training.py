@@ -119,7 +119,7 @@ def test_relative_paths_under_chdir(run, monkeypatch, capsys):
     assert len(list(Path("sweep").glob("*/**/metrics.csv"))) == 2
     call(monkeypatch, "train", "resume=run", "max_iterations=3", "hydra.job.chdir=true")
     assert (run / "model_3.pt").is_file() and not (run / "run").exists()
-    call(monkeypatch, "export", "ckpt=run", "what=[trajectories]", "out=there", *chdir[:-1])
+    call(monkeypatch, "export", "ckpt=run", "what=[trajectories]", "out=there", "hydra.job.chdir=true", EVALUATION[0])
     assert list(Path("there").iterdir()) and not Path("there/there").exists()
 
 
