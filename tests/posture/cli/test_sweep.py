@@ -12,8 +12,8 @@ from posture.cli.jobs import Job, check
 from posture.cli.sweep import SweepProgress, fraction_done, run_job, status
 from posture.config.train import TrainConfig
 from posture.storage import checkpoint, run_dir
-from tests.commands import CONSTANT, TINY, call, refused, same, table
 from posture.storage.lock import locked
+from tests.commands import CONSTANT, TINY, call, refused, same, table
 from tests.conftest import compose
 
 TINY = [*TINY, *CONSTANT, "evaluation.figures=false"]
