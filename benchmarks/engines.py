@@ -33,8 +33,7 @@ import torch
 from mujoco.rollout import Rollout
 from shared import compose, hardware, in_new_process, memory, missing, timed, write
 
-from envs.config import EnvConfig
-from envs.engines.interface import ConstraintOverflowError
+from envs.config import ConstraintOverflowError, EnvConfig
 from envs.engines.mujoco_c import build
 from envs.task.head_tracking import HeadTrackingEnv
 

@@ -13,6 +13,7 @@ import os
 import shutil
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -45,22 +46,26 @@ def main() -> None:
         windows = [browser.new_page(viewport={"width": 1280, "height": 800}) for _ in range(arguments.visitors)]
         for window in windows:
             window.goto(f"http://127.0.0.1:{server.port}")
-        while len(server.visitors) < arguments.visitors:
+        while sum(visitor.frames > 0 for visitor in list(server.visitors.values())) < arguments.visitors:
             windows[0].wait_for_timeout(100)
         visitors = list(server.visitors.values())
         for state in ("held", "ramp", "lqr in a ramp"):
             for visitor in visitors:
-                with visitor.lock:
-                    if state == "lqr in a ramp":
-                        visitor.session.choose("lqr")
-                    visitor.session.set(freq=0.3)
-                    visitor.session.reset()
-                    visitor.session.ramp(0 if state == "held" else 1)
+                visitor.command(partial(start, visitor.session, state))
             windows[0].wait_for_timeout(1000 * SETTLE_S)
             rows.append({"state": state, "visitors": arguments.visitors} | measure(visitors, windows, arguments.seconds))
             print(rows[-1], flush=True)
         browser.close()
     write(rows, arguments.csv)
+
+
+def start(session: Any, state: str) -> None:
+    """Bring a session into `state`."""
+    if state == "lqr in a ramp":
+        session.choose("lqr")
+    session.set(freq=0.3)
+    session.reset()
+    session.ramp(0 if state == "held" else 1)
 
 
 def measure(visitors: list[Any], windows: list[Any], seconds: float) -> dict[str, Any]:

@@ -17,6 +17,10 @@ MAX_PHYSICS_STEP_S = 0.01
 """Half the time constant of contact in humanoid.xml [s]: with longer steps the engines soften the ground."""
 
 
+class ConstraintOverflowError(RuntimeError):
+    """The solver dropped contacts or constraints, so its result is not the configured physics; the message is one line."""
+
+
 class Strict(BaseModel):
     """A frozen record that refuses unknown keys, NaN and infinities."""
 

@@ -14,7 +14,7 @@ from posture.cli import entry
 from posture.cli.jobs import identity, override_slug
 from posture.cli.sweep import status
 from posture.config.errors import ConfigError
-from posture.config.eval import EnvChanges, EvalConfig
+from posture.config.eval import EvalConfig
 from posture.config.train import TrainConfig
 from posture.storage import run_dir
 
@@ -24,19 +24,22 @@ from posture.storage import run_dir
 def evaluate_all(config: EvalConfig, job: Path) -> None:
     """Evaluate every checkpoint that `ckpt` names, each into its own folder; several also share one table.
 
-    `job`: the folder of a sweep's job. The shared table goes there, and so does everything else where the
-    sweep is that of an experiment.
+    `job`: the folder for the results. A single evaluation without `out` has none: its results go into the folder of the run,
+    and those of a shipped policy or of the model-based controller into a new one.
     """
-    out = None if config.out is None else run_dir.writable(Path(config.out))
+    own, new = entry.has_folder(), Path(run_dir.folder_for(str(run_dir.RUNS), None))
     if config.policy == "lqr":
         from posture.evaluation.trial import evaluate_lqr
 
-        folder = out or Path(run_dir.folder_for(str(run_dir.RUNS), None)) / "evaluation"
-        evaluate_lqr(config.lqr, config.evaluation, config.env, config.device, folder)
+        evaluate_lqr(config.lqr, config.evaluation, config.env, config.device, job if own else new)
         return
     in_experiment = entry.in_sweep() and entry.experiment() is not None
     models = run_dir.find_checkpoints(config.ckpt, only_current if in_experiment else None)
     runs = [run_dir.read_config(model.parent) for model in models]
+    if not own and any(map(run_dir.is_shipped, models)):
+        own, job = True, new  # nothing is written into the package
+    if all(config.env.ramps(run.env) for run in runs):
+        entry.refuse("evaluation.freq", "in a ramp, which the policy was trained on (env.ramp=none ends it)")
     # All checkpoints are checked, which needs torch but no physics, before the first is evaluated.
     from posture.learning.networks import load_policy
     from posture.storage import checkpoint
@@ -46,21 +49,20 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
     from posture.analysis.results import Result, write_csv
     from posture.evaluation.trial import evaluate, origin
 
+    several = len(models) > 1 or in_experiment
     results: list[Result] = []
-    home = None
     for model, run in zip(models, runs, strict=True):
-        if run_dir.is_shipped(model):
-            home = home or Path(run_dir.folder_for(str(run_dir.RUNS), None))  # nothing is written into the package
-        folder = (home or model.parent) / folder_name(model, run, config.env) if out is None else out
-        if len(models) > 1:
+        if several:
             print(f"== {model.parent.name}")
-            folder = folder if out is None else out / model.parent.name
-        if in_experiment and out is None:
-            folder = job / model.parent.name
+        if own:
+            folder = job / model.parent.name if several else job
+        else:
+            folder = model.parent / "_".join(["evaluation", *is_not_final(model, run), *differences(run, config)])
         rows = evaluate(model, run, config.evaluation, config.env, config.device, folder, config.again)
         results += [replace(row, origin=origin(run, config.env, model.parent.name)) for row in rows]
-    if len(models) > 1 or in_experiment:
-        table = (out or (job if entry.in_sweep() else Path(config.ckpt))) / "metrics.csv"
+    if several:
+        name = "_".join(["metrics", *([] if own else differences(runs[0], config))])
+        table = (job if own else Path(config.ckpt)) / f"{name}.csv"
         write_csv(results, table)
         print(f"all runs: {table}")
 
@@ -76,17 +78,30 @@ def only_current(run: Path) -> bool:
         return False
 
 
-def folder_name(model: Path, run: TrainConfig, changes: EnvChanges) -> str:
-    """Name of the folder of an evaluation: `evaluation` for the final policy in the environment that it was trained in.
-
-    Other checkpoints and changed environments have folders of their own, and so does the newest checkpoint of an unfinished
-    training, because `evaluation` is for the final one.
-    """
-    changed = {key: value for key, value in changes.model_dump().items() if value is not None}
+def is_not_final(model: Path, run: TrainConfig) -> list[str]:
+    """The name of a checkpoint in that of a folder, unless it is the final one, which `evaluation` is for."""
     newest = model == run_dir.newest_model(model.parent)
-    parts = [] if newest and run_dir.iteration_of(model) >= run.max_iterations else [model.stem]
-    parts += [f"{key}={format(value, 'g') if isinstance(value, float) else value}" for key, value in changed.items()]
-    return f"evaluation_{override_slug(','.join(parts))}" if parts else "evaluation"
+    return [] if newest and run_dir.iteration_of(model) >= run.max_iterations else [model.stem]
+
+
+def differences(run: TrainConfig, config: EvalConfig) -> list[str]:
+    """What distinguishes an evaluation from the run's own, as part of a file name: changes to its environment, then other
+    conditions than those that its configuration names. Empty if nothing does."""
+    pairs = [
+        (run.env.model_dump(), config.env.apply_to(run.env)),
+        *[(evaluation.model_dump(exclude={"figures"}) for evaluation in (run.evaluation, config.evaluation))],
+    ]
+    changed = {key: value for own, tried in pairs for key, value in tried.items() if value != own[key]}
+    return [override_slug(",".join(f"{key}={_text(value)}" for key, value in changed.items()))] if changed else []
+
+
+def _text(value: object) -> str:
+    """A value of a configuration in short."""
+    if isinstance(value, dict):
+        return ",".join(f"{key}:{_text(part)}" for key, part in value.items())
+    if isinstance(value, tuple):
+        return ",".join(map(_text, value))
+    return "none" if value is None else str(value).removesuffix(".0")
 
 
 def main() -> None:

@@ -8,6 +8,7 @@ python -m posture.train resume=latest max_iterations=500
 from pathlib import Path
 
 from posture.cli import entry
+from posture.cli.jobs import refuse_other_training
 from posture.config.checks import check_device, check_engine
 from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
@@ -21,9 +22,13 @@ RESUME_KEYS = {"resume", "max_iterations", "device", "threads", "evaluate"}
 
 
 def train(config: TrainConfig, folder: Path) -> None:
-    """Run one training job in `folder`, locked against other processes. A job of an experiment that was stopped goes on from
-    its newest checkpoint."""
+    """Run one training job in `folder`, locked against other processes. If that training was stopped there, it goes on from
+    its newest checkpoint; raises ConfigError if `folder` holds another training."""
+    if config.resume is not None:
+        _check_resumed_keys()
     with locked(folder):
+        if config.resume is None:
+            refuse_other_training(config, folder)  # again: another process may have trained there after the first check
         from posture.learning import parallel
 
         if parallel.rank() == 0:
@@ -103,16 +108,11 @@ def _report_unfinished_schedules(config: TrainConfig, training_steps: int) -> No
 
 def _resumed(config: TrainConfig, folder: Path) -> TrainConfig:
     """The configuration of the run in `folder`, with the keys that the command line changes."""
+    from posture.learning import parallel
     from posture.learning.resume import iterations_done
 
-    changed = entry.overridden_keys()
-    if changed - RESUME_KEYS:
-        raise ConfigError(
-            f"resume: {', '.join(sorted(changed - RESUME_KEYS))} cannot be changed in a run that is resumed; "
-            f"allowed beside resume are {', '.join(sorted(RESUME_KEYS - {'resume'}))}"
-        )
     own = run_dir.read_config(folder)
-    merged = own.model_copy(update={key: getattr(config, key) for key in changed})
+    merged = own.model_copy(update={key: getattr(config, key) for key in entry.overridden_keys()})
     check_device(merged.device)
     try:
         check_engine(merged.env.physics, merged.device)
@@ -124,7 +124,18 @@ def _resumed(config: TrainConfig, folder: Path) -> TrainConfig:
             f"max_iterations = {merged.max_iterations}: {folder} has already done {done}; it is a total, so give a larger "
             "one"
         )
+    if parallel.rank() == 0 and (different := provenance.other_code(folder)):
+        print(f"{folder}: was begun with other code or libraries: {'; '.join(different)}")
     return merged
+
+
+def _check_resumed_keys() -> None:
+    """Raise ConfigError if the command line changes keys that a resumed run cannot change."""
+    if changed := entry.overridden_keys() - RESUME_KEYS:
+        raise ConfigError(
+            f"resume: {', '.join(sorted(changed))} cannot be changed in a run that is resumed; "
+            f"allowed beside resume are {', '.join(sorted(RESUME_KEYS - {'resume'}))}"
+        )
 
 
 def main() -> None:

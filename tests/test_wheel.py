@@ -94,7 +94,7 @@ def test_every_command(site: Path, tmp_path: Path) -> None:
     assert (run / "evaluation" / "metrics.csv").exists()
     works(site, tmp_path, "posture.eval", "ckpt=pretrained/default", "out=evaluation", *EVALUATION)
     assert (tmp_path / "evaluation" / "metrics.csv").exists()
-    works(site, tmp_path, "posture.export", "out=export", *EVALUATION)
+    works(site, tmp_path, "posture.export", "out=export", "evaluation.duration=1.0", "evaluation.freq=[0.5,1.5]")
     assert list(tmp_path.glob("export/*.onnx"))
     works(site, tmp_path, "posture.film", "out=film", "width=120", "fps=6", "settle=0", "films=[two_modes]")
     assert list(tmp_path.glob("film/*.mp4"))

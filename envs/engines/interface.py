@@ -108,10 +108,6 @@ class Simulation(Protocol):
         """Recompute everything derived from the saved tensors after they were restored."""
 
 
-class ConstraintOverflowError(RuntimeError):
-    """The solver dropped contacts or constraints, so its result is not the configured physics."""
-
-
 def top_speed(config: EnvConfig) -> float:
     """The speed [m/s], [rad/s] of body or joint at which a world has diverged: half a turn in one physics step.
 

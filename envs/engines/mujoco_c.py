@@ -13,9 +13,9 @@ import torch
 
 from envs.body.joints import ANKLES, BODIES, FEET, HIPS, JOINTS
 from envs.body.model import MJCF, build_model, geometry
-from envs.config import EnvConfig
+from envs.config import ConstraintOverflowError, EnvConfig
 from envs.engines.contact_bias import bias_share, subtract_bias
-from envs.engines.interface import SUBJECT, ConstraintOverflowError, Simulation, top_speed
+from envs.engines.interface import SUBJECT, Simulation, top_speed
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 """Everything that mj_step depends on, qacc_warmstart included."""

@@ -17,9 +17,9 @@ from newton.solvers import SolverMuJoCo
 
 from envs.body.joints import ANKLES, BODIES, FEET, HIPS, JOINTS
 from envs.body.model import build_model, geometry
-from envs.config import EnvConfig
+from envs.config import ConstraintOverflowError, EnvConfig
 from envs.engines.contact_bias import bias_share
-from envs.engines.interface import ConstraintOverflowError, Simulation, top_speed
+from envs.engines.interface import Simulation, top_speed
 
 _ROOT_Q, _ROOT_QD = 7, 6
 """Coordinates and velocities of the free root joint ahead of the hinges."""

@@ -21,7 +21,7 @@ class HeadTrackingEnv(VecEnv):
     """N standers and their targets. Actions (N, 2): hip and ankle torque over the torque limit, clipped to [-1, 1].
 
     state: `TaskState` after the last step; in worlds that were reset, of the new episode.
-    freq: (N,) frequency of the target at the start of the episode [Hz].
+    freq: (N,) frequency of the target at the start of the episode [Hz], float64.
     steps: control steps that each world has made in all. training_steps: their number in the whole training, which schedules
     of weights refer to; None outside a training, where weights have their final values.
     """
@@ -161,7 +161,7 @@ class HeadTrackingEnv(VecEnv):
         # The HAT's velocity is that of its centre of mass.
         lever = rotate(attitude, self._head - self._hat_com)
         foot_pose = sim.body_pose[:, self.FOOT_BODIES]
-        target_x, target_vx, target_ax = self._target()
+        target_x, target_vx, target_ax = (value.float() for value in self._target())
         return TaskState(
             hat_pose=hat_pose,
             hat_velocity=hat_velocity,
@@ -181,8 +181,8 @@ class HeadTrackingEnv(VecEnv):
         )
 
     def _target(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Position [m], velocity [m/s] and acceleration [m/s2] of the target, (N,) each."""
-        time = self.episode_length_buf * self.config.control_dt
+        """Position [m], velocity [m/s] and acceleration [m/s2] of the target, (N,) float64 each."""
+        time = self.episode_length_buf.double() * self.config.control_dt
         phase = target.phase(time, self.freq, self._source.rate, self._source.duration)
         now = target.frequency(time, self.freq, self._source.rate, self._source.duration)
         rate = self._source.rate * (time < self._source.duration)

@@ -1,6 +1,8 @@
 """The head's target over time (paper Eq. 5): x(t) = A (1 - cos phi(t)), which starts at rest at 0 and reaches 2 A.
 
 At a fixed frequency phi = 2 pi f t; in a ramp the frequency changes linearly and the phase is its integral.
+
+Times, frequencies and phases are float64: in single precision the target would be 12 mm off after 100,000 s.
 """
 
 import math
@@ -12,7 +14,7 @@ from envs.config import Ramp
 
 def phase(time: torch.Tensor, freq: torch.Tensor, rate: torch.Tensor, duration: torch.Tensor) -> torch.Tensor:
     """Phase of the target [rad] after `time` [s], with start frequency `freq` [Hz] that changes by `rate` [Hz/s] for
-    `duration` [s] and then is constant. All shapes (N,)."""
+    `duration` [s] and then is constant. All shapes (N,), float64."""
     ramped = torch.minimum(time, duration)
     return 2.0 * math.pi * (freq * time + rate * (ramped * time - 0.5 * ramped**2))
 
@@ -67,11 +69,11 @@ class FrequencySource:
             low, high = freq if isinstance(freq, tuple) else (freq, freq)
         parts = num_worlds if draw == "stratified" else 1
         width = (high - low) / parts
-        self._low = low + width * (worlds if parts > 1 else torch.zeros_like(worlds))
+        self._low = low + width * (worlds if parts > 1 else torch.zeros_like(worlds)).double()
         self._width = width
         self._worlds = worlds
-        self.rate = torch.full((n,), ramp.rate if ramp else 0.0, device=device)
-        self.duration = torch.full((n,), ramp.duration if ramp else 0.0, device=device)
+        self.rate = torch.full((n,), ramp.rate if ramp else 0.0, dtype=torch.float64, device=device)
+        self.duration = torch.full((n,), ramp.duration if ramp else 0.0, dtype=torch.float64, device=device)
 
     def fix(self, freq: torch.Tensor) -> None:
         """From its next episode on, world i follows the constant `freq`[i] [Hz], (N,)."""
@@ -79,8 +81,8 @@ class FrequencySource:
         self.rate.zero_()
 
     def draw(self, episode: torch.Tensor) -> torch.Tensor:
-        """Frequency [Hz] of each world's `episode` (N,) int64. Shape (N,)."""
-        return (self._low + self._width * uniform(self._seed, self._worlds, episode)).float()
+        """Frequency [Hz] of each world's `episode` (N,) int64. Shape (N,) float64."""
+        return self._low + self._width * uniform(self._seed, self._worlds, episode)
 
 
 class LengthSource:

@@ -9,7 +9,7 @@ import importlib
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
@@ -21,13 +21,18 @@ from omegaconf import DictConfig
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 from pydantic import BaseModel
 
-from posture.cli import jobs, signals, sweep
+from envs.config import ConstraintOverflowError
+from posture.cli import jobs, output, signals, sweep
+from posture.config import torchrun
 from posture.config.errors import ConfigError, RunError
 from posture.config.published import CONF
 from posture.config.reading import read
+from posture.storage import kernel_cache
 
 Config = TypeVar("Config", bound=BaseModel)
 
+FAILURES = (ConstraintOverflowError, FloatingPointError, RunError, OSError)
+"""Failures at run time whose message is enough; others are mistakes in the program, and end in a traceback."""
 _BAD_INPUT = (ConfigError, HydraException, OmegaConfBaseException)
 
 
@@ -35,10 +40,14 @@ def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> 
     """Run a command: `task(config, folder)` for each job of the command line, `folder` being the job's own.
 
     The configuration is conf/`name`.yaml with the command line's overrides, checked as `kind`. Exits with 2 on bad input,
-    with 1 if a job failed at run time, and with 130 or 143 if SIGINT or SIGTERM stopped it.
+    with 1 if a job failed at run time, and with 128 + its number if a signal stopped it. Output that fails never ends the
+    work.
     """
+    output.install()
     # Hydra would otherwise print a task's errors itself and exit with 1.
     os.environ["HYDRA_FULL_ERROR"] = "1"
+    # Figures go to files only. A notebook names a backend that its own kernel has and this Python may not.
+    os.environ["MPLBACKEND"] = "agg"
     # The processes of a parallel sweep cannot import a function of __main__.
     if task.__module__ == "__main__":
         spec = sys.modules["__main__"].__spec__
@@ -48,11 +57,15 @@ def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> 
         try:
             command = jobs.check(name, kind, sys.argv[1:])
             sys.argv[1:] = command.argv
-            if command.launcher is None:
-                _start(command, lambda composed: _run_single(kind, task, composed))
-                return
-            progress = sweep.SweepProgress(command.jobs)
-            _run_sweep(command, kind, task, progress)
+            if command.jobs:
+                _check_processes(name, command)
+            with kernel_cache.writable() if command.jobs else contextlib.nullcontext():
+                if command.launcher is None:
+                    with _removed_if_empty(command.jobs):
+                        _start(command, lambda composed: _run_single(kind, task, composed))
+                    return
+                progress = sweep.SweepProgress(command.jobs)
+                _run_sweep(command, kind, task, progress)
         except _BAD_INPUT as error:
             _refuse(error)
     if not sweep.print_summary(command.jobs, progress.done_before):
@@ -62,6 +75,11 @@ def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> 
 def in_sweep() -> bool:
     """Whether the current job is part of a sweep."""
     return bool(HydraConfig.get().mode == RunMode.MULTIRUN)
+
+
+def has_folder() -> bool:
+    """Whether the current job has a folder of its own: all have but a single evaluation, or a live page, without `out`."""
+    return in_sweep() or HydraConfig.get().run.dir != ""
 
 
 def experiment() -> str | None:
@@ -74,11 +92,15 @@ def overridden_keys() -> set[str]:
     return {override.split("=", 1)[0].lstrip("+~") for override in HydraConfig.get().overrides.task}
 
 
+def refuse(key: str, why: str) -> None:
+    """Raise ConfigError if a single command sets `key`, which has no effect; in a sweep it may have one in another job."""
+    if key in overridden_keys() and not in_sweep():
+        raise ConfigError(f"{key}: has no effect {why}")
+
+
 def one_line(error: Exception) -> str:
     """An error's message without line breaks and without the details that Hydra and OmegaConf add for developers."""
     cause = error.__cause__
-    if isinstance(cause, ConfigError):  # raised by one of our resolvers
-        return str(cause)
     if isinstance(cause, (ConfigAttributeError, ConfigKeyError)) and cause.parent_node is not None:
         return f"{cause.full_key}: no such key; allowed there are {', '.join(map(str, cause.parent_node))}"
     if isinstance(error, OSError) and error.filename is not None:
@@ -86,17 +108,30 @@ def one_line(error: Exception) -> str:
     text = re.sub(
         r"\n\s*(full_key|object_type|Config search path|To append to your config|See https).*", "", str(error), flags=re.S
     )
-    return " ".join(text.split())
+    return " ".join(text.removeprefix("ConfigError raised while resolving interpolation: ").split())
 
 
 def _run_single(kind: type[Config], task: Callable[[Config, Path], None], composed: DictConfig) -> None:
+    folder = Path(HydraConfig.get().runtime.output_dir)
     try:
-        task(read(kind, jobs.plain(composed)), Path(HydraConfig.get().runtime.output_dir))
+        task(read(kind, jobs.plain(composed)), folder)
     except ConfigError as error:
         _refuse(error)  # not further up, because Hydra adds its own lines
-    except (FloatingPointError, RunError, OSError) as error:
+    except FAILURES as error:
         print(f"error: {one_line(error)}", file=sys.stderr)
         sys.exit(1)
+
+
+@contextlib.contextmanager
+def _removed_if_empty(own: Sequence[jobs.Job]) -> Iterator[None]:
+    """At the end of this context remove the folders that it created for jobs which wrote nothing."""
+    missing = [folder for job in own for folder in (job.folder, *job.folder.parents) if not folder.exists()]
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            for folder in missing:
+                folder.rmdir()
 
 
 def _run_sweep(
@@ -107,6 +142,7 @@ def _run_sweep(
     numbers = {} if parallel else {os.path.abspath(job.folder): number for number, job in enumerate(command.jobs, 1)}
 
     def run_job(composed: DictConfig) -> None:
+        output.install()  # a launcher may run jobs in processes of its own
         folder = Path(HydraConfig.get().runtime.output_dir)
         if str(folder) in numbers:
             print(f"== job {numbers[str(folder)]} of {len(numbers)}, {folder.name}", flush=True)
@@ -123,8 +159,29 @@ def _run_sweep(
             print(f"error: the launcher stopped: {type(error).__name__}: {one_line(error)}", file=sys.stderr)
 
 
+def _check_processes(name: str, command: jobs.Command) -> None:
+    """Raise ConfigError if this process is one of several that cannot share this command."""
+    place = torchrun.place() or torchrun.Place()
+    if place.size > 1 and (name != "train" or command.launcher is not None):
+        raise ConfigError(
+            f"WORLD_SIZE={place.size}: only one training can be shared among processes; start "
+            f"{f'posture.{name}' if command.launcher is None else 'a sweep'} without torchrun, or unset WORLD_SIZE"
+        )
+    if name == "train" and {"RANK", "WORLD_SIZE"} & os.environ.keys() and (problem := torchrun.problem()):
+        print(
+            f"RANK and WORLD_SIZE have no effect: to share a training among processes, torchrun sets "
+            f"{', '.join(torchrun.VARIABLES)} ({problem})",
+            file=sys.stderr,
+        )
+
+
 def _start(command: jobs.Command, job: Callable[[DictConfig], None]) -> None:
-    hydra.main(version_base="1.3", config_path=str(CONF), config_name=command.config_name)(job)()
+    def run_here(composed: DictConfig) -> None:
+        # Paths are relative to the directory in which the command was started, with hydra.job.chdir, too.
+        os.chdir(HydraConfig.get().runtime.cwd)
+        job(composed)
+
+    hydra.main(version_base="1.3", config_path=str(CONF), config_name=command.config_name)(run_here)()
 
 
 def _refuse(error: Exception) -> NoReturn:

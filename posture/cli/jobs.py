@@ -6,14 +6,12 @@ job is known in advance, so a sweep can be monitored from its folders, with any 
 
 import argparse
 import contextlib
-import errno
 import hashlib
 import itertools
 import json
 import math
 import os
 import re
-import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,18 +28,19 @@ from omegaconf.errors import OmegaConfBaseException
 from pydantic import BaseModel
 
 from posture.cli.ranges import expand_ranges
-from posture.config.checks import check_device
+from posture.config.checks import CommandConfig, Output, check_device
 from posture.config.errors import ConfigError
 from posture.config.published import CONF, without_published
 from posture.config.reading import read
 from posture.config.train import TrainConfig
-from posture.storage import run_dir
-from posture.storage.provenance import library_versions, training_code
+from posture.storage import provenance, run_dir
 
 Config = TypeVar("Config", bound=BaseModel)
 
 DECIDES_THE_POLICY = {"env", "agent", "seed", "processes", "max_iterations"}
 """Keys of a training on which its policy depends."""
+MAX_DIFFERENCES = 8
+"""Differences between two trainings that an error names."""
 MAX_JOBS = 10_000
 """Jobs of one sweep; more are taken for a mistake."""
 MAX_SLUG_LENGTH = 80
@@ -49,7 +48,7 @@ MAX_SLUG_LENGTH = 80
 
 @dataclass(frozen=True)
 class Job:
-    """One job: its checked configuration, and its folder if it is part of a sweep."""
+    """One job: its checked configuration, and its folder; that of an evaluation without `out` is the working directory."""
 
     config: BaseModel
     folder: Path
@@ -100,6 +99,10 @@ def _flag_parser() -> _FlagParser:
 def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
     """Compose conf/`name`.yaml with `argv` and check every job as `kind`. Raises ConfigError and Hydra's own errors."""
     with _errors_are_bad_input():
+        try:
+            os.getcwd()
+        except FileNotFoundError:
+            raise ConfigError("the working directory has been deleted") from None
         flags = _flag_parser().parse_intermixed_args(list(argv))
         name = flags.config_name or name
         if (flags.cfg or flags.info) and (flags.multirun or flags.run):
@@ -123,9 +126,15 @@ def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
             if len(fixed) < len(parsed):
                 raise ConfigError("several values for one key make a sweep: add -m, or write a list as [a,b]")
             config = _checked(kind, common)
-            if not Path(common.hydra.run.dir).is_dir():  # an evaluation may be started in a folder that is read-only
-                _check_folder(Path(common.hydra.run.dir))
-            return Command(overrides, name, [Job(config, Path())], None)
+            _check_effect([config], fixed)
+            folder = str(common.hydra.run.dir)
+            if folder:  # without one, an evaluation may be started in a folder that is read-only
+                run_dir.writable(Path(folder))
+                # Fixed here, because the name of a new folder depends on the time.
+                overrides.append(f"hydra.run.dir={_quoted(folder)}")
+            if isinstance(config, TrainConfig):
+                _check_run(config, Path(folder))
+            return Command(overrides, name, [Job(config, Path(folder))], None)
 
 
 def _check_sweep(
@@ -135,12 +144,15 @@ def _check_sweep(
     if common.hydra.runtime.choices["hydra/sweeper"] != "basic":
         raise ConfigError("hydra/sweeper: allowed is basic, Hydra's own")
     swept = {str(key): str(value) for key, value in (common.hydra.sweeper.get("params") or {}).items()}
+    if any(override.key_or_group == "out" and override.is_sweep_override() for override in parsed):
+        raise ConfigError("out: allowed is one folder; each job of a sweep gets its own in it")
     extra = []
     if not any(override.key_or_group == "hydra.sweep.dir" for override in parsed):
         # Fixed here: a launcher that starts processes would compute a new name in each.
         extra.append(f"hydra.sweep.dir={_quoted(common.hydra.sweep.dir)}")
     # A job's folder is named after what is swept, not after what all jobs share.
-    shared = [key for o in parsed if (key := o.key_or_group) not in swept and not o.is_sweep_override()]
+    named = {*swept, *(o.key_or_group for o in parsed if o.is_sweep_override())}
+    shared = [o.key_or_group for o in parsed if o.key_or_group not in named]
     extra.append(f"hydra.job.config.override_dirname.exclude_keys=[{','.join(map(_quoted, shared))}]")
     parser = OverridesParser.create(GlobalHydra.instance().config_loader())
     every = parser.parse_overrides([*(f"{key}={value}" for key, value in swept.items()), *overrides, *extra])
@@ -152,6 +164,10 @@ def _check_sweep(
             raise ConfigError("resume continues one run: not together with -m")
         jobs.append(Job(config, Path(composed.hydra.sweep.dir) / composed.hydra.sweep.subdir))
     _check_folders(jobs, Path(common.hydra.sweep.dir))
+    _check_effect([job.config for job in jobs], parsed)
+    for job in jobs:
+        if isinstance(job.config, TrainConfig):
+            refuse_other_training(job.config, job.folder)
     return Command(["--multirun", *overrides, *extra], name, jobs, str(common.hydra.runtime.choices["hydra/launcher"]))
 
 
@@ -179,16 +195,34 @@ def compose(name: str, kind: type[Config], *overrides: str) -> Config:
 
 
 def plain(composed: DictConfig) -> dict[str, Any]:
-    """A composed configuration as plain values, without Hydra's own part and the published numbers."""
-    own = {str(key): composed[key] for key in composed if key != "hydra"}
+    """A composed configuration as plain values, without Hydra's own part, the published numbers, and `out`, which is
+    for the folder of a job only."""
+    own = {str(key): composed[key] for key in composed if key not in ("hydra", "out")}
     return without_published(
         {key: OmegaConf.to_container(v, resolve=True) if OmegaConf.is_config(v) else v for key, v in own.items()}
     )
 
 
-def sweep_folder(parent: str, experiment: str | None) -> str:
-    """Folder of the sweep that is about to start: that of the experiment, or a new one. A resolver of conf/."""
+def run_folder(parent: str | None, resume: str | None, out: object) -> str:
+    """Folder of a single job: `out`, that of the run it resumes, or a new one. A resolver of conf/.
+
+    Empty for a job that has no folder of its own: without `out` and `parent`.
+    """
+    if out is not None and resume is None:
+        return checked_out(out)
+    return "" if parent is None else run_dir.folder_for(parent, resume)
+
+
+def sweep_folder(parent: str, experiment: str | None, out: object) -> str:
+    """Folder of the sweep that is about to start: `out`, that of the experiment, or a new one. A resolver of conf/."""
+    if out is not None:
+        return checked_out(out)
     return run_dir.folder_for(parent, None) if experiment is None else str(Path(parent) / experiment)
+
+
+def checked_out(out: object) -> str:
+    """The folder that the key `out` names. Raises ConfigError if it cannot be a path."""
+    return str(read(Output, {"out": out}).out)
 
 
 def job_folder(number: int, overrides: str, experiment: str | None, *, _root_: DictConfig) -> str:
@@ -224,13 +258,68 @@ def override_slug(overrides: str) -> str:
 def identity(config: TrainConfig) -> str:
     """Eight hexadecimal digits that identify a training: its configuration, its code and the libraries."""
     own = config.model_dump(mode="json", include=DECIDES_THE_POLICY)
-    text = json.dumps([own, training_code(), library_versions()], sort_keys=True)
+    text = json.dumps([own, provenance.training_code(), provenance.library_versions()], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:8]
 
 
-OmegaConf.register_new_resolver("posture.run_folder", run_dir.folder_for, use_cache=True, replace=True)
+def refuse_other_training(config: TrainConfig, folder: Path) -> None:
+    """Raise ConfigError if `folder` holds a checkpoint of a training other than `config` with this code and these libraries.
+
+    Equal trainings may differ in device, threads, evaluate and evaluation.*, which do not decide the policy.
+    """
+    if run_dir.newest_model(folder) is None and not (folder / "resume.pt").exists():
+        return
+    saved, own = (one.model_dump(mode="json", include=DECIDES_THE_POLICY) for one in (run_dir.read_config(folder), config))
+    if different := _differences(saved, own) + provenance.other_code(folder):
+        more = [f"and {len(different) - MAX_DIFFERENCES} more"] * (len(different) > MAX_DIFFERENCES)
+        raise ConfigError(
+            f"{folder}: holds another training ({'; '.join(different[:MAX_DIFFERENCES] + more)}); resume={folder} continues "
+            "it with its own values, out= names another folder"
+        )
+
+
+def _differences(saved: Any, own: Any, key: str = "") -> list[str]:
+    """`key = saved, not own` for each value that differs."""
+    if isinstance(saved, dict) and isinstance(own, dict):
+        pairs = [(f"{key}.{name}".lstrip("."), saved.get(name), own.get(name)) for name in {**saved, **own}]
+        return [line for name, before, now in pairs for line in _differences(before, now, name)]
+    return [] if saved == own else [f"{key} = {_brief(saved)}, not {_brief(own)}"]
+
+
+def _brief(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _check_run(config: TrainConfig, folder: Path) -> None:
+    """Raise ConfigError unless `folder` is new, or holds the training that `config` describes or resumes."""
+    if config.resume is None:
+        refuse_other_training(config, folder)
+    elif folder.resolve() != (own := run_dir.find_run(config.resume)).resolve():
+        raise ConfigError(f"a resumed run stays in its folder, {own}: leave out hydra.run.dir")
+
+
+OmegaConf.register_new_resolver("posture.run_folder", run_folder, use_cache=True, replace=True)
 OmegaConf.register_new_resolver("posture.sweep_folder", sweep_folder, use_cache=True, replace=True)
 OmegaConf.register_new_resolver("posture.job_folder", job_folder, replace=True)
+
+
+def _check_effect(configs: Sequence[BaseModel], overrides: Sequence[Override]) -> None:
+    """Raise ConfigError if one of the `overrides` sets a key that has no effect in any of the jobs."""
+    unused = [config.without_effect() if isinstance(config, CommandConfig) else {} for config in configs]
+    for key in (key for override in overrides for key in _keys(override)):
+        whys = [next((why for name, why in own.items() if f"{key}.".startswith(f"{name}.")), None) for own in unused]
+        if all(whys):
+            raise ConfigError(f"{key}: has no effect {whys[0]}")
+
+
+def _keys(override: Override) -> list[str]:
+    """The keys that an override sets: of a record, each of its own."""
+
+    def below(key: str, value: object) -> list[str]:
+        parts = value.items() if isinstance(value, dict) else ()
+        return [name for part, inner in parts for name in below(f"{key}.{part}", inner)] or [key]
+
+    return below(override.key_or_group, None if override.is_sweep_override() else override.value())
 
 
 def _check_folders(jobs: Sequence[Job], sweep: Path) -> None:
@@ -247,19 +336,7 @@ def _check_folders(jobs: Sequence[Job], sweep: Path) -> None:
         if folder in seen:
             raise ConfigError(f"two jobs of the sweep would have the folder {job.folder}: give each value once")
         seen.add(folder)
-        _check_folder(job.folder)
-
-
-def _check_folder(folder: Path) -> None:
-    """Raise ConfigError if `folder` can be neither written to nor created; creates nothing."""
-    try:
-        existing = next(place for place in (folder, *folder.absolute().parents) if place.exists() or place.is_symlink())
-        if not existing.is_dir():
-            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
-        with tempfile.TemporaryFile(dir=existing):
-            pass
-    except OSError as error:
-        raise ConfigError(f"cannot write to the folder {folder}: {error.strerror}") from None
+        run_dir.writable(job.folder)
 
 
 @contextlib.contextmanager

@@ -14,11 +14,12 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from posture.cli import output
 from posture.cli.jobs import Job
 from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
 from posture.storage import run_dir, yaml_files
-from posture.storage.lock import is_busy, locked
+from posture.storage.lock import is_busy, is_held, locked
 
 REPORT_EVERY_S = 30.0
 """Seconds between two progress lines of a sweep whose jobs print to files."""
@@ -40,7 +41,7 @@ def run_job(task: Callable[[], None], folder: Path, to_log: bool) -> None:
             yaml_files.write_yaml(folder / "status.yaml", {"state": "running", "began": began})
         (folder / "error.txt").unlink(missing_ok=True)
         if to_log:
-            log = stack.enter_context((folder / "log.txt").open("a", encoding="utf-8", buffering=1))
+            log = stack.enter_context(output.log_file(folder / "log.txt"))
             stack.enter_context(contextlib.redirect_stdout(log))
             stack.enter_context(contextlib.redirect_stderr(log))
         outcome = {"state": "done", "began": began}
@@ -77,7 +78,9 @@ class SweepProgress:
         for job, state, fraction, before in zip(self.jobs, states, fractions, self._at_start, strict=True):
             finished += _size(job) * (fraction - before)
             remaining += _size(job) * (1 - fraction) * (state != "failed")
-        parts = [f"{fractions.count(1.0)} of {len(self.jobs)} done", f"{states.count('running')} running"]
+        # The status of a killed job stays "running", but its lock is released.
+        running = sum(state == "running" and is_held(job.folder) for job, state in zip(self.jobs, states, strict=True))
+        parts = [f"{fractions.count(1.0)} of {len(self.jobs)} done", f"{running} running"]
         if failed := states.count("failed"):
             parts.append(f"{failed} failed")
         if remaining and finished > 0:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from envs.config import Physics
+from envs.config import Physics, Strict
 from posture.config.errors import ConfigError
 
 Share = Annotated[float, Field(gt=0, le=1)]
@@ -26,6 +26,20 @@ def _valid_path(text: str) -> str:
 
 PathText = Annotated[str, AfterValidator(_valid_path)]
 """A path that a file system allows, whether or not it exists."""
+
+
+class Output(Strict):
+    """The key of every command for the folder of its results."""
+
+    out: PathText
+
+
+class CommandConfig(Strict):
+    """The configuration of a command."""
+
+    def without_effect(self) -> dict[str, str]:
+        """The keys that have no effect beside the others, and why. Such a key is refused where the command line sets it."""
+        return {}
 
 
 def check_device(device: str) -> None:

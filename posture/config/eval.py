@@ -1,6 +1,6 @@
 """Configuration of `posture.eval`: the trial, changes to the environment, and the model-based controller."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -17,10 +17,13 @@ from envs.config import (
     Strict,
     check_followed,
 )
-from posture.config.checks import PathText, Tolerance, check_engine
+from posture.config.checks import CommandConfig, PathText, Tolerance, check_engine
 
 MAX_SAMPLES = 10_000_000
 """Control steps times worlds of one evaluation; recording that many takes some gigabytes of memory."""
+
+MAX_STEPS = 4_999_999
+"""Control steps of one trial, of which the longest episode has twice as many and one more."""
 
 
 class EvaluationConfig(Strict):
@@ -35,14 +38,23 @@ class EvaluationConfig(Strict):
 
 
 class EnvChanges(Strict):
-    """Changes to the environment of a run under evaluation; None: as trained."""
+    """Changes to the environment of a run under evaluation; None: as trained. ramp "none": constant frequencies."""
 
     hip_k: HipStiffness | None
     ankle_k: AnkleStiffness | None
     load: Load | None
     amplitude: Amplitude | None
     physics: Physics | None
-    ramp: Ramp | None
+    ramp: Ramp | Literal["none"] | None
+
+    def apply_to(self, env: EnvConfig) -> dict[str, Any]:
+        """The values of `env` with these changes, to be checked."""
+        values = env.model_dump() | {key: value for key, value in self.model_dump().items() if value is not None}
+        return values | ({"ramp": None} if self.ramp == "none" else {})
+
+    def ramps(self, env: EnvConfig) -> bool:
+        """Whether the frequency of the target changes in `env` with these changes."""
+        return (self.ramp or env.ramp or "none") != "none"
 
 
 class LqrConfig(Strict):
@@ -57,23 +69,37 @@ class LqrConfig(Strict):
     tolerance_margin: Annotated[float, Field(ge=0, le=2)]
 
 
-class EvalConfig(Strict):
+LQR_ENV = ("num_envs", "freq", "freq_draw", "energy_weight", "episode_steps", "observations", "reward")
+"""Keys of the environment that the model-based controller does not depend on in a trial."""
+
+
+class EvalConfig(CommandConfig):
     """Configuration of `posture.eval`."""
 
     policy: Literal["trained", "lqr"]
     lqr: LqrConfig
     ckpt: PathText
     device: str
-    out: PathText | None
     again: bool
     env: EnvChanges
     evaluation: EvaluationConfig
+
+    def without_effect(self) -> dict[str, str]:
+        """See `CommandConfig`."""
+        ramp = {"evaluation.freq": "beside env.ramp"} if isinstance(self.env.ramp, Ramp) else {}
+        if self.policy == "trained":
+            return ramp | {"lqr": "with policy=trained"}
+        own = (*LQR_ENV, "termination.foot_motion", "termination.head_tolerance")
+        changed = {f"lqr.env.{key}": f"beside env.{key}" for key, value in self.env if value is not None}
+        return dict.fromkeys(("ckpt", "again", *(f"lqr.env.{key}" for key in own)), "with policy=lqr") | changed
 
     @model_validator(mode="after")
     def _consistent(self) -> "EvalConfig":
         check_engine(self.env.physics or (self.lqr.env.physics if self.policy == "lqr" else None), self.device)
         if self.policy == "lqr":
             check_trial(self.evaluation, self.lqr.env)
+            if self.env.ramps(self.lqr.env):
+                raise ValueError("env.ramp: policy=lqr plans its motion for constant frequencies; allowed is none")
             if self.lqr.tolerance_margin >= self.evaluation.tolerance:
                 raise ValueError(
                     f"lqr.tolerance_margin: {self.lqr.tolerance_margin:g} m leaves nothing of the evaluation.tolerance of "
@@ -86,14 +112,19 @@ def check_trial(evaluation: EvaluationConfig, env: EnvConfig) -> None:
     """Raise ValueError unless a trial has at least two control steps after its transient, fits in memory, and has targets
     slow enough for the control step."""
     steps = round(evaluation.duration / env.control_dt)
+    if steps < 1:
+        raise ValueError(
+            f"evaluation.duration = {evaluation.duration:g}: shorter than a control step of {env.control_dt:g} s"
+        )
     if (steps - 1) * env.control_dt < evaluation.transient:
         raise ValueError(
             f"evaluation.transient: {evaluation.transient:g} s leaves nothing of a trial of {evaluation.duration:g} s in "
             f"control steps of {env.control_dt:g} s"
         )
-    if steps * len(evaluation.freq) > MAX_SAMPLES:
+    most = min(MAX_SAMPLES // len(evaluation.freq), MAX_STEPS) * env.control_dt
+    if evaluation.duration > most:
         raise ValueError(
-            f"evaluation.duration: {evaluation.duration:g} s in control steps of {env.control_dt:g} s at "
-            f"{len(evaluation.freq)} frequencies make {steps * len(evaluation.freq):,} samples; allowed are {MAX_SAMPLES:,}"
+            f"evaluation.duration = {evaluation.duration:g}: allowed is at most {most:.6g} s at {len(evaluation.freq)} "
+            f"frequencies in control steps of {env.control_dt:g} s"
         )
     check_followed(max(evaluation.freq), env.control_dt, "evaluation.freq")

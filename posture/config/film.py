@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from envs.config import Freq, Ramp, Seconds, Strict
-from posture.config.checks import PathText, check_engine
+from envs.config import Freq, Ramp
+from posture.config.checks import CommandConfig, PathText, check_engine
 from posture.config.eval import EnvChanges
 
 FRAMES_A_CYCLE = 4
@@ -23,20 +23,27 @@ class FilmEnv(EnvChanges):
     ramp: Ramp
 
 
-class FilmConfig(Strict):
+Length = Annotated[float, Field(gt=0, le=1000)]
+
+
+class FilmConfig(CommandConfig):
     """Configuration of `posture.film`."""
 
     ckpt: PathText
     device: str
-    out: PathText | None
     films: Annotated[tuple[Literal["two_modes", "ramp"], ...], Field(min_length=1)]
     formats: Annotated[tuple[Literal["mp4", "gif"], ...], Field(min_length=1)]
     env: FilmEnv
-    settle: Annotated[float, Field(ge=0, le=100_000)]
-    shortest: Seconds
-    longest: Seconds
+    settle: Annotated[float, Field(ge=0, le=1000)]
+    shortest: Length
+    longest: Length
     fps: Annotated[float, Field(ge=5, le=50)]
     width: Annotated[int, Field(ge=60, le=1920, multiple_of=2)]
+
+    def without_effect(self) -> dict[str, str]:
+        """See `CommandConfig`."""
+        keys = {"two_modes": ("env.freq", "settle", "shortest"), "ramp": ("env.ramp",)}
+        return {key: f"without {film} in films" for film in keys.keys() - self.films for key in keys[film]}
 
     @model_validator(mode="after")
     def _consistent(self) -> "FilmConfig":

@@ -5,8 +5,8 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from envs.config import Amplitude, AnkleStiffness, Freq, HipStiffness, Load, Strict
-from posture.config.checks import PathText, Share, Tolerance
-from posture.config.eval import EvaluationConfig, LqrConfig
+from posture.config.checks import CommandConfig, PathText, Share, Tolerance
+from posture.config.eval import LQR_ENV, EvaluationConfig, LqrConfig
 
 Step = Annotated[float, Field(gt=0, le=1000)]
 Force = Annotated[float, Field(gt=0, le=10_000)]
@@ -59,7 +59,7 @@ class Recording(Strict):
     hold: Annotated[float, Field(ge=0, le=60)]
 
 
-class PlayConfig(Strict):
+class PlayConfig(CommandConfig):
     """Configuration of `posture.play`."""
 
     ckpt: PathText
@@ -85,8 +85,18 @@ class PlayConfig(Strict):
     lqr: LqrConfig
     evaluation: EvaluationConfig
 
+    def without_effect(self) -> dict[str, str]:
+        """See `CommandConfig`."""
+        unused = EvaluationConfig.model_fields.keys() - {"tolerance", "still_joint_deg"}
+        never = [*(f"evaluation.{key}" for key in unused), *(f"lqr.env.{key}" for key in (*LQR_ENV, "physics", "ramp"))]
+        if self.record is None:
+            return dict.fromkeys(never, "on the page") | dict.fromkeys(("recording", "out"), "without record")
+        page = ("port", "browser", "visitors", "freq", "push", "slow_motion", "plots_per_s")
+        others = ("lqr",) if self.ckpt != "lqr" else ()
+        return dict.fromkeys([*never, *page, *others], "on a recording")
+
     @model_validator(mode="after")
-    def _within_the_sliders(self) -> "PlayConfig":
+    def _consistent(self) -> "PlayConfig":
         for name in SETTINGS:
             low, high, _ = getattr(self.sliders, name)
             value = getattr(self, name)
@@ -96,4 +106,6 @@ class PlayConfig(Strict):
         start, end = self.recording.freq
         if not low <= start < end <= high:
             raise ValueError(f"recording.freq: a ramp goes up within {low:g}..{high:g} Hz, got {[start, end]}")
+        if self.record is not None and not self.record.endswith(".html"):
+            raise ValueError(f"record = {self.record}: the name must end in .html")
         return self

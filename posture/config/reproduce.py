@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from envs.config import Amplitude, Freq, HipStiffness, Strict
-from posture.config.checks import PathText
+from posture.config.checks import CommandConfig
 
 Stage = Literal["train", "evaluate", "report", "ship"]
 Share = Annotated[float, Field(gt=0, le=1)]
@@ -84,17 +84,33 @@ class ReportConfig(Strict):
     shipped_seed: Annotated[int, Field(ge=0, lt=2**31)]
 
 
-class ReproduceConfig(Strict):
+class ReproduceConfig(CommandConfig):
     """Configuration of `posture.reproduce`."""
 
     seeds: Annotated[int, Field(ge=1, le=1000)]
     stages: Annotated[tuple[Stage, ...], Field(min_length=1)]
     launcher: Literal["joblib", "basic", "submitit_local", "submitit_slurm"]
     parallel: Annotated[int, Field(ge=1, le=1024)]
-    out: PathText
     search: tuple[Freq, Freq]
     overrides: tuple[str, ...]
     report: ReportConfig
+
+    def without_effect(self) -> dict[str, str]:
+        """See `CommandConfig`."""
+        keys = {  # by the stages of which one must run
+            ("train", "evaluate"): ["seeds"],
+            ("train",): ["launcher", "parallel"],
+            ("report", "ship"): ["search"],
+            ("report",): [f"report.{key}" for key in ReportConfig.model_fields.keys() - {"shipped_seed"}],
+            ("ship",): ["report.shipped_seed"],
+        }
+        unused = {
+            key: f"without {' or '.join(stages)} in stages"
+            for stages, own in keys.items()
+            if not set(stages) & set(self.stages)
+            for key in own
+        }
+        return unused if self.launcher == "joblib" else {"parallel": f"with launcher={self.launcher}"} | unused
 
     @model_validator(mode="after")
     def _consistent(self) -> "ReproduceConfig":

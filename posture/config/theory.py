@@ -4,12 +4,20 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from envs.config import AnkleStiffness, EnvConfig, Freq, HipStiffness, Load, Strict
-from posture.config.checks import PathText, Tolerance
+from envs.config import AnkleStiffness, EnvConfig, Freq, HipStiffness, Load, RewardConfig, Strict
+from posture.config.checks import CommandConfig, Tolerance
 from posture.config.eval import EvaluationConfig
 
 MAX_VALUES = 10_000
 """Points of a table or of the map; each is an optimisation that takes some milliseconds."""
+
+
+USED = {
+    "amplitude", "hip_k", "ankle_k", "load", "energy_weight", "control_dt", "joint_damping", "joint_armature",
+    "torque_limit", "reward", "termination",
+}  # fmt: skip
+"""Keys of `env` that the theory depends on."""
+USED_REWARD = {"target_weight", "target_sharpness", "torque_unit", "energy_unit"}
 
 
 class StiffnessSweep(Strict):
@@ -44,13 +52,12 @@ class Around(Strict):
     tolerance: Annotated[tuple[Tolerance, ...], Field(max_length=1000)]
 
 
-class TheoryConfig(Strict):
+class TheoryConfig(CommandConfig):
     """Configuration of `posture.theory`."""
 
     env: EnvConfig
     evaluation: EvaluationConfig
     tolerance: Tolerance | None
-    out: PathText | None
     search: tuple[Freq, Freq]
     experiment_3: StiffnessSweep
     experiment_4b: LoadSweep
@@ -61,6 +68,14 @@ class TheoryConfig(Strict):
     def head_tolerance(self) -> float:
         """[m] the head may be from its target; where that ends no episode, what evaluation counts as lost."""
         return self.evaluation.tolerance if self.tolerance is None else self.tolerance
+
+    def without_effect(self) -> dict[str, str]:
+        """See `CommandConfig`."""
+        env = [f"env.{key}" for key in EnvConfig.model_fields.keys() - USED]
+        reward = [f"env.reward.{key}" for key in RewardConfig.model_fields.keys() - USED_REWARD]
+        evaluation = ["transient", "still_joint_deg", "figures", *(["tolerance"] if self.tolerance is not None else [])]
+        limits = ["env.termination.fall_height", "env.termination.foot_motion"]
+        return dict.fromkeys([*env, *reward, *limits, *(f"evaluation.{key}" for key in evaluation)], "on the theory")
 
     @model_validator(mode="after")
     def _consistent(self) -> "TheoryConfig":

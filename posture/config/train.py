@@ -4,13 +4,13 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from envs.config import EnvConfig, Steps, Strict
+from envs.config import EnvConfig, Steps
 from posture.config.agent import AgentConfig
-from posture.config.checks import PathText, check_engine
+from posture.config.checks import CommandConfig, PathText, check_engine
 from posture.config.eval import EvaluationConfig, check_trial
 
 
-class TrainConfig(Strict):
+class TrainConfig(CommandConfig):
     """Configuration of `posture.train`, which a run folder keeps as config.yaml."""
 
     env: EnvConfig
@@ -28,6 +28,20 @@ class TrainConfig(Strict):
     def training_steps(self) -> int:
         """Control steps of each world in the whole training."""
         return self.max_iterations * self.agent.num_steps_per_env
+
+    def without_effect(self) -> dict[str, str]:
+        """See `CommandConfig`. Keys of the solver and of the evaluation count in later evaluations of the run."""
+        shown = {*self.agent.obs_groups.actor, *self.agent.obs_groups.critic}
+        unused = {f"env.observations.{group}": "without agent.obs_groups" for group in self.env.observations.keys() - shown}
+        if self.env.ramp is not None:
+            unused |= dict.fromkeys(("env.freq", "env.freq_draw"), "beside env.ramp")
+        elif not isinstance(self.env.freq, tuple):
+            unused["env.freq_draw"] = "with one env.freq"
+        if self.agent.algorithm.schedule == "fixed":
+            unused["agent.algorithm.desired_kl"] = "with agent.algorithm.schedule=fixed"
+        if self.device != "cpu" and self.processes > 1:
+            unused["processes"] = f"with device={self.device}"
+        return unused
 
     @model_validator(mode="after")
     def _consistent(self) -> "TrainConfig":

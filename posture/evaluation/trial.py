@@ -35,6 +35,7 @@ from posture.theory.program import InfeasibleError
 from posture.theory.stander import linearise
 
 AS_TRAINED = EnvChanges(hip_k=None, ankle_k=None, load=None, amplitude=None, physics=None, ramp=None)
+FILES = ("trajectories.npz", "metrics.csv", "table.md", "trial.yaml")
 
 
 def evaluate_run(run: Path, config: TrainConfig) -> list[Result]:
@@ -59,7 +60,7 @@ def evaluate(
     With `again` false, results of the same policy, code and conditions in `out` are read instead.
     """
     checkpoint.load(model, device)  # a damaged file is refused before anything is written
-    run_dir.writable(out)
+    run_dir.writable(out, *FILES)
     trial = trial_config(run.env, evaluation, changes, device)
     if not again and is_current(out, model, run, evaluation, changes, device):
         rows = read_csv(out / "metrics.csv")
@@ -90,7 +91,7 @@ def evaluate_lqr(
         motions = [plan(stander, freq, trial.amplitude, evaluation.tolerance, config) for freq in evaluation.freq]
     except InfeasibleError as error:
         raise ConfigError(str(error)) from None
-    run_dir.writable(out)
+    run_dir.writable(out, *FILES)
     with preparing():
         env = HeadTrackingEnv(trial, 0, device)
         env.warm_up()
@@ -168,8 +169,8 @@ def _policy_record(model: Path, run: TrainConfig) -> dict[str, Any]:
 
 
 def _conditions(evaluation: EvaluationConfig, env: EnvConfig) -> dict[str, Any]:
-    """The conditions of an evaluation."""
-    return {"evaluation": evaluation.model_dump(mode="json"), "env": as_plain(env)}
+    """The conditions of an evaluation, on which its numbers depend."""
+    return {"evaluation": evaluation.model_dump(mode="json", exclude={"figures"}), "env": as_plain(env)}
 
 
 def with_theory(rows: list[Result], env: EnvConfig, evaluation: EvaluationConfig) -> list[Result]:
@@ -213,9 +214,11 @@ def trial_config(env: EnvConfig, evaluation: EvaluationConfig, changes: EnvChang
         check_engine(changes.physics or env.physics, device)
     except ValueError as error:
         raise ConfigError(str(error)) from None
-    values = env.model_dump()
-    values.update({key: value for key, value in changes.model_dump().items() if value is not None})
+    values = changes.apply_to(env)
     values["num_envs"] = len(evaluation.freq)
     values["episode_steps"] = 2 * round(evaluation.duration / env.control_dt) + 1
     values["termination"] |= {"foot_motion": None, "head_tolerance": None}
-    return read(EnvConfig, values)
+    try:
+        return read(EnvConfig, values)
+    except ConfigError as error:
+        raise ConfigError(f"env.{error}") from None

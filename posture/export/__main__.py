@@ -16,8 +16,8 @@ from posture.config.train import TrainConfig
 from posture.storage import run_dir, yaml_files
 
 
-def export(config: ExportConfig, job: Path) -> None:
-    """Write what `config.what` names, and print each file. `job`: the folder for the files of a sweep's job."""
+def export(config: ExportConfig, out: Path) -> None:
+    """Write what `config.what` names, to the folder `out`, and print each file."""
     model = run_dir.find_checkpoint(config.ckpt)
     # Imported here, and in the functions below, because they are slow.
     from posture.export import onnx_policy
@@ -28,10 +28,6 @@ def export(config: ExportConfig, job: Path) -> None:
     load_policy(checkpoint.load(model, config.device), run, model, "cpu")
     if "policy" in config.what:
         onnx_policy.check_installed()
-    if config.out is not None:
-        out = Path(config.out) / job.name if entry.in_sweep() else Path(config.out)
-    else:
-        out = (job if entry.in_sweep() else Path(run_dir.folder_for(str(run_dir.RUNS), None))) / "export"
     if "trajectories" in config.what:
         write_trajectories(config, model, run, out)
     if "policy" in config.what:
@@ -47,17 +43,18 @@ def write_trajectories(config: ExportConfig, model: Path, run: TrainConfig, out:
     from posture.evaluation.trial import open_trial, trial_config
     from posture.export.trajectory_files import write_csv, write_sto
 
-    evaluation = config.evaluation
-    if config.env.ramp or run.env.ramp:  # one world suffices
-        evaluation = evaluation.model_copy(update={"freq": evaluation.freq[:1]})
+    evaluation = config.evaluation.model_copy(update={"transient": 0.0})  # nothing is left out
+    if config.env.ramps(run.env):
+        entry.refuse("evaluation.freq", "in a ramp, which the policy was trained on (env.ramp=none ends it)")
+        evaluation = evaluation.model_copy(update={"freq": evaluation.freq[:1]})  # one world suffices
     trial = trial_config(run.env, evaluation, config.env, config.device)
-    run_dir.writable(out)
+    names = ["trajectory_ramp"] if trial.ramp else [f"trajectory_{hertz!r}Hz" for hertz in evaluation.freq]
+    run_dir.writable(out, "export.yaml", *(f"{name}.{kind}" for name in names for kind in ("sto", "csv")))
     env, policy = open_trial(model, run, trial, config.device)
     freq = torch.tensor(evaluation.freq, dtype=torch.float64) if trial.ramp is None else None
     trajectory = rollout(env, policy, freq, evaluation.duration)
     (out / "export.yaml").unlink(missing_ok=True)  # it describes earlier files
-    for world, hertz in enumerate(evaluation.freq):
-        name = "trajectory_ramp" if freq is None else f"trajectory_{hertz!r}Hz"
+    for world, name in enumerate(names):
         sto, csv = out / f"{name}.sto", out / f"{name}.csv"
         written = write_sto(trajectory, world, sto, config.in_degrees)
         write_csv(trajectory, world, csv)
@@ -72,7 +69,7 @@ def write_trajectories(config: ExportConfig, model: Path, run: TrainConfig, out:
         "policy": str(model),
         "policy_sha256": hashlib.sha256(model.read_bytes()).hexdigest(),
         "in_degrees": config.in_degrees,
-        "evaluation": evaluation.model_dump(mode="json"),
+        "evaluation": evaluation.model_dump(mode="json", include={"freq", "duration"}),
         "env": as_plain(trial),
     }
     yaml_files.write_yaml(out / "export.yaml", description)
@@ -85,8 +82,7 @@ def write_policy(model: Path, run: TrainConfig, out: Path) -> None:
     from posture.learning.networks import load_policy
     from posture.storage import checkpoint
 
-    run_dir.writable(out)
-    path = out / "policy.onnx"
+    path = run_dir.writable(out, "policy.onnx") / "policy.onnx"
     difference = onnx_policy.write_onnx(load_policy(checkpoint.load(model, "cpu"), run, model, "cpu"), run, model, path)
     print(f"{path}  within {difference:.1g} of the policy in torch ({onnx_policy.CHECKED} observations)")
 

@@ -16,19 +16,22 @@ from posture.config.film import FilmConfig
 from posture.storage import run_dir
 
 
-def film(config: FilmConfig, job: Path) -> None:
-    """Roll out the policy that `ckpt` names, and write each film in each format."""
+def film(config: FilmConfig, folder: Path) -> None:
+    """Roll out the policy that `ckpt` names, and write each film in each format to `folder`."""
     model = run_dir.find_checkpoint(config.ckpt)
     run = run_dir.read_config(model.parent)
-    out = run_dir.writable(Path(config.out or run_dir.folder_for(str(run_dir.RUNS), None)))
     # Imported here because they are slow.
+    from posture.film.video import check_ffmpeg, write_gif, write_mp4
+
+    if "mp4" in config.formats:
+        check_ffmpeg()
+    run_dir.writable(folder, *(f"{name}.{kind}" for name in config.films for kind in config.formats))
     from posture.film.trials import ramp, two_modes
-    from posture.film.video import write_gif, write_mp4
 
     for name in config.films:
         frames = {"two_modes": two_modes, "ramp": ramp}[name](config, model, run)
         for kind in config.formats:
-            start, path = time.perf_counter(), out / f"{name}.{kind}"
+            start, path = time.perf_counter(), folder / f"{name}.{kind}"
             {"mp4": write_mp4, "gif": write_gif}[kind](frames, path, frames.fps)
             length, size = len(frames) / frames.fps, path.stat().st_size / 1e6
             seconds = time.perf_counter() - start

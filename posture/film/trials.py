@@ -60,7 +60,7 @@ def _roll_out(config: FilmConfig, model: Path, run: TrainConfig, schedule: Ramp 
     """The deterministic policy for `duration` [s]: along a ramp, or at each of the frequencies, one world each."""
     freq = config.env.freq if schedule is None else (schedule.start,)
     evaluation = run.evaluation.model_copy(update={"freq": freq, "duration": duration, "transient": 0.0})
-    changes = EnvChanges(**config.env.model_dump(exclude={"freq", "ramp"}), ramp=schedule)
+    changes = EnvChanges(**config.env.model_dump(exclude={"freq", "ramp"}), ramp=schedule or "none")
     env, policy = open_trial(model, run, trial_config(run.env, evaluation, changes, config.device), config.device)
     return rollout(env, policy, torch.tensor(freq, dtype=torch.float64) if schedule is None else None, duration)
 

@@ -5,6 +5,7 @@ A frame is RGB, (height, width, 3) uint8. All frames of a film have the same siz
 
 from __future__ import annotations
 
+import os
 import subprocess
 import tempfile
 from collections.abc import Sequence
@@ -15,6 +16,7 @@ from imageio_ffmpeg import get_ffmpeg_exe
 from numpy.typing import NDArray
 from PIL import Image
 
+from posture.config.errors import ConfigError
 from posture.storage.atomic import replacing
 
 Frame = NDArray[np.uint8]
@@ -22,6 +24,20 @@ Frame = NDArray[np.uint8]
 QUALITY = "23"  # of H.264, constant rate factor: 0 is lossless, 51 the worst
 COLOURS = 64  # of a GIF, one palette for all frames
 PALETTE_FRAMES = 8  # number of frames that the palette is computed from
+
+
+def check_ffmpeg() -> None:
+    """Raise ConfigError where `write_mp4` would fail: no ffmpeg, or one that cannot encode H.264."""
+    ffmpeg = os.environ.get("IMAGEIO_FFMPEG_EXE") or "ffmpeg"
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            write_mp4([np.zeros((16, 16, 3), np.uint8)], Path(folder) / "black.mp4", 1.0)
+        except (OSError, RuntimeError) as error:
+            reason = str(getattr(error, "strerror", None) or error).removeprefix(f"{folder}{os.sep}black.mp4: ")
+            raise ConfigError(
+                f"MP4 needs {ffmpeg} with the encoder libx264: {reason}; install ffmpeg (python -m pip install "
+                "imageio-ffmpeg, apt, brew or conda), name one by IMAGEIO_FFMPEG_EXE, or write formats=[gif] only"
+            ) from None
 
 
 def write_mp4(frames: Sequence[Frame], path: Path, fps: float) -> None:

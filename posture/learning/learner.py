@@ -62,6 +62,7 @@ class Learner(OnPolicyRunner):
         Raises FloatingPointError with the number of the iteration, see `posture.learning.ppo`.
         """
         self._total, self._done = total_iterations, self.current_learning_iteration
+        self.logger.iterations_done = self._done
         self._refine()
         try:
             with signals.deferred():
@@ -77,7 +78,10 @@ class Learner(OnPolicyRunner):
 
         After a signal, save and raise signals.Stopped.
         """
-        self._done = done = self.current_learning_iteration + 1
+        done = self.current_learning_iteration + 1
+        if done == self._done:
+            return  # rsl-rl calls this once more at the end
+        self._done = done
         stop = parallel.any_process(bool(signals.pending()), self.device)
         if stop or done % self._save_interval == 0 or done == self._total:
             self._save(done, infos)
@@ -147,8 +151,11 @@ class Learner(OnPolicyRunner):
         return state
 
     def _configure_multi_gpu(self) -> None:
-        """On GPUs rsl-rl joins the processes; on a CPU `posture.learning.parallel` has done so."""
-        if self.device != "cpu":
+        """On GPUs rsl-rl joins the processes; on a CPU `posture.learning.parallel` has done so.
+
+        rsl-rl reads WORLD_SIZE, which may have no effect (`posture.config.torchrun`).
+        """
+        if self.device != "cpu" and parallel.size() > 1:
             super()._configure_multi_gpu()
             return
         self.gpu_world_size, self.gpu_global_rank, self.gpu_local_rank = parallel.size(), parallel.rank(), parallel.rank()

@@ -7,6 +7,7 @@ from typing import Any
 
 import torch
 from rsl_rl.utils.logger import Logger
+from torch.utils.tensorboard import SummaryWriter
 
 from posture.learning.progress import ProgressLine, Status
 
@@ -15,6 +16,15 @@ _NUMBERS, _TENSORS, _BUFFERS = (
     ("cur_reward_sum", "cur_episode_length"),
     ("rewbuffer", "lenbuffer"),
 )
+
+
+class Writer(SummaryWriter):
+    """TensorBoard's writer, without the curves over seconds, which rsl-rl writes beside those over iterations."""
+
+    def add_scalar(self, tag: str, *arguments: Any) -> None:
+        """Write a value at an iteration."""
+        if not tag.endswith("/time"):
+            super().add_scalar(tag, *arguments)
 
 
 class NullWriter:
@@ -28,18 +38,26 @@ class NullWriter:
 
 
 class TrainingLogger(Logger):
-    """Writes to TensorBoard as rsl-rl does, and shows a progress line in place of rsl-rl's page of text per iteration."""
+    """Writes to TensorBoard what rsl-rl does, and shows a progress line in place of rsl-rl's page of text per iteration.
+
+    The step of a value is the number of iterations done, as in the names of checkpoints. iterations_done: before this start.
+    """
 
     def __init__(self, **arguments: Any) -> None:
         super().__init__(**arguments)
         self._progress = ProgressLine()
         self._recent_s: deque[float] = deque(maxlen=20)
+        self.iterations_done = 0
+        # In single precision the sum over an episode of millions of steps would stop growing.
+        self.cur_reward_sum = torch.zeros_like(self.cur_episode_length, dtype=torch.float64)
 
     def init_logging_writer(self) -> None:
         """Open the writer. A process that writes nothing gets one too, since rsl-rl calls `save` only if there is one."""
-        super().init_logging_writer()
         if self.disable_logs:
             self.writer: Any = NullWriter()
+        else:
+            # purge_step: what a killed training wrote after its last checkpoint is replaced when it is resumed.
+            self.writer = Writer(self.log_dir, purge_step=self.iterations_done + 1, flush_secs=10)
 
     def stop_logging_writer(self) -> None:
         """Write buffered data, and end the progress line."""
@@ -52,9 +70,7 @@ class TrainingLogger(Logger):
         """Write the iteration with index `it` to TensorBoard, and show it."""
         error_mm, cost = self._mean("/tracking_error_mm"), self._mean("/cost")  # before rsl-rl clears them
         with contextlib.redirect_stdout(io.StringIO()):
-            super().log(
-                it=it, start_it=start_it, total_it=total_it, collect_time=collect_time, learn_time=learn_time, **rest
-            )
+            super().log(it + 1, start_it, total_it, collect_time, learn_time, **rest)
         if self.disable_logs:
             return
         seconds = collect_time + learn_time
@@ -90,7 +106,3 @@ class TrainingLogger(Logger):
     def _mean(self, name: str) -> float:
         """Mean over this iteration's steps of one of the environment's measurements."""
         return float(torch.stack([step[name] for step in self.ep_extras]).mean())
-
-    def _store_code_state(self) -> list[str]:
-        # provenance.yaml holds the commit; the state of an unrelated checkout around the run is not copied.
-        return []

@@ -22,28 +22,31 @@ import torch
 import torch.distributed as dist
 
 from posture.cli import signals
+from posture.cli.entry import FAILURES, one_line
+from posture.config import torchrun
 from posture.config.errors import ConfigError, RunError
 from posture.learning.shared_memory import BACKEND
+
+EXIT_S = 60.0
+"""How long the first process waits for the others to exit after the work is done [s]."""
+_REASON = "reason_{}"
+"""Name of the file in which a worker process leaves the reason of its failure for the first process to report."""
 
 
 def rank() -> int:
     """Number of this process; the first is 0."""
-    return dist.get_rank() if dist.is_initialized() else int(os.environ.get("RANK", "0"))
+    return dist.get_rank() if dist.is_initialized() else torchrun.rank()
 
 
 def size() -> int:
     """How many processes share the training."""
-    return dist.get_world_size() if dist.is_initialized() else int(os.environ.get("WORLD_SIZE", "1"))
+    return dist.get_world_size() if dist.is_initialized() else (torchrun.place() or torchrun.Place()).size
 
 
 def local_device(device: str) -> str:
     """The device of this process: with several processes, `cuda` means the GPU with its number on this machine."""
-    return f"cuda:{os.environ.get('LOCAL_RANK', '0')}" if size() > 1 and device == "cuda" else device
-
-
-def started_by_torchrun() -> bool:
-    """Whether `torchrun` started this process."""
-    return "TORCHELASTIC_RUN_ID" in os.environ
+    place = torchrun.place()
+    return f"cuda:{place.local_rank}" if place and place.size > 1 and device == "cuda" else device
 
 
 @contextlib.contextmanager
@@ -54,7 +57,7 @@ def worker_processes(processes: int, device: str, work: Callable[..., None], *ar
     has every training on Windows. Raises RunError if a worker fails. The terminal's signals do not reach the workers: this
     process decides what to do, and the workers end when it ends.
     """
-    if started_by_torchrun():
+    if torchrun.place():
         if device == "cpu":
             dist.init_process_group(BACKEND)
         yield
@@ -75,7 +78,8 @@ def worker_processes(processes: int, device: str, work: Callable[..., None], *ar
             for number in range(1, processes)
         ]
         try:
-            resource_tracker.ensure_running()  # started together with the first worker, it would unblock signals
+            with signals.blocked():  # else SIGHUP would end it
+                resource_tracker.ensure_running()  # started together with the first worker, it would unblock signals
             with signals.blocked():
                 for worker in workers:
                     worker.start()
@@ -83,10 +87,14 @@ def worker_processes(processes: int, device: str, work: Callable[..., None], *ar
             yield
             dist.destroy_process_group()
             for worker in workers:
-                worker.join(timeout=60.0)
+                worker.join(timeout=EXIT_S)  # one that takes longer has not failed
             failed = [str(number) for number, worker in enumerate(workers, 1) if worker.exitcode]
             if failed:
                 raise RunError(f"process {', '.join(failed)} of {processes} failed")
+        except RunError:
+            for reason in Path(folder).glob(_REASON.format("*")):
+                raise RunError(reason.read_text(encoding="utf-8")) from None
+            raise
         finally:
             # Only this process saves, so whatever workers are still doing is of no use.
             if dist.is_initialized():
@@ -95,12 +103,6 @@ def worker_processes(processes: int, device: str, work: Callable[..., None], *ar
                 if worker.is_alive():
                     worker.kill()
                     worker.join()
-
-
-def average(tensor: torch.Tensor) -> None:
-    """Replace `tensor` by its mean over the processes."""
-    dist.all_reduce(tensor)
-    tensor /= size()
 
 
 def gather(value: Any) -> list[Any]:
@@ -140,8 +142,12 @@ def _run_worker(number: int, processes: int, rendezvous: str, work: Callable[...
     try:
         with open(os.devnull, "w") as devnull, contextlib.redirect_stdout(devnull):
             work(*arguments)
-    except (signals.Stopped, FloatingPointError, ConfigError):
+    except (signals.Stopped, FloatingPointError, ConfigError, RunError):
         sys.exit(1)  # the first process has the same error, and reports it
+    except FAILURES as error:
+        with contextlib.suppress(OSError):  # the first process has ended
+            Path(rendezvous).with_name(_REASON.format(number)).write_text(one_line(error), encoding="utf-8")
+        sys.exit(1)
     dist.destroy_process_group()
 
 

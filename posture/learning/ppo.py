@@ -8,8 +8,6 @@ from rsl_rl.algorithms import PPO
 from rsl_rl.models import MLPModel
 from rsl_rl.storage import RolloutStorage
 
-from posture.learning import parallel
-
 
 class ShuffledStorage(RolloutStorage):
     """rsl-rl's roll-out storage, with the same mini-batches as slices of samples that are shuffled once per iteration.
@@ -45,7 +43,7 @@ class ShuffledStorage(RolloutStorage):
 
 
 class LeanPPO(PPO):
-    """PPO with `ShuffledStorage`, whose processes share the statistics that normalise observations."""
+    """PPO with `ShuffledStorage` and checks for numbers that are not finite."""
 
     def __init__(self, actor: MLPModel, critic: MLPModel, storage: RolloutStorage, **options: Any) -> None:
         shuffled = ShuffledStorage(
@@ -72,10 +70,6 @@ class LeanPPO(PPO):
         for name, model in networks.items():
             results[f"weights of the {name}"] = torch.cat([weight.detach().flatten() for weight in model.parameters()])
         self._check_finite(results)
-        if self.is_multi_gpu:
-            for model in networks.values():
-                if model.obs_normalization:
-                    pool_normalizer(model.obs_normalizer)
         return losses
 
     def _check_finite(self, values: dict[str, torch.Tensor]) -> None:
@@ -86,16 +80,3 @@ class LeanPPO(PPO):
         names = [name for name, count in zip(values, broken.tolist(), strict=True) if count]
         if names:
             raise FloatingPointError(f"training stopped, since these are not finite numbers: {', '.join(names)}")
-
-
-def pool_normalizer(normalizer: Any) -> None:
-    """Replace the running mean and variance of rsl-rl's `normalizer` by those of all processes' samples together.
-
-    Processes start equal and see equally many samples, so the pooled first and second moments are the means of theirs.
-    """
-    mean, square = normalizer._mean.clone(), normalizer._var + normalizer._mean**2
-    for moment in (mean, square):
-        parallel.average(moment)
-    normalizer._mean.copy_(mean)
-    normalizer._var.copy_((square - mean**2).clamp(min=0.0))
-    normalizer._std.copy_(normalizer._var.sqrt())

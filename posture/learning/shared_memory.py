@@ -12,6 +12,7 @@ import multiprocessing
 import os
 import tempfile
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -130,13 +131,21 @@ def _create_group(store: Any, rank: int, size: int, timeout: Any) -> SharedMemor
         group = SharedMemoryGroup(rank, size, store.get("memory file").decode())
         store.set(f"joined {rank}", "yes")
         return group
-    with tempfile.NamedTemporaryFile(prefix="posture-", delete=False) as file:
-        file.truncate(SharedMemoryGroup.memory_bytes(size))
-    store.set("memory file", file.name)
-    group = SharedMemoryGroup(rank, size, file.name)
-    for other in range(1, size):
-        store.get(f"joined {other}")
-    os.unlink(file.name)  # mapped memory stays until the last process has closed it
+    length = SharedMemoryGroup.memory_bytes(size)
+    # Mapped memory stays after the file is removed, until the last process has closed it.
+    with tempfile.NamedTemporaryFile(prefix="posture-") as file:
+        try:
+            # A file with a hole would be mapped too, but on a full disk writing to it ends the process by SIGBUS.
+            Path(file.name).write_bytes(bytes(length))
+        except OSError as error:
+            raise RunError(
+                f"the processes of a training share {length / 1e6:.1f} MB in the temporary folder {tempfile.gettempdir()}: "
+                f"{error.strerror}; name another folder in TMPDIR, or use processes=1"
+            ) from None
+        store.set("memory file", file.name)
+        group = SharedMemoryGroup(rank, size, file.name)
+        for other in range(1, size):
+            store.get(f"joined {other}")
     return group
 
 

@@ -17,23 +17,46 @@ if TYPE_CHECKING:
     from posture.config.play import PlayConfig
 
 
-def play(config: PlayConfig, _folder: Path) -> None:
-    """Serve the page until Ctrl-C, or write a recording. Raises ConfigError if viser is not installed."""
+def play(config: PlayConfig, folder: Path) -> None:
+    """Serve the page until Ctrl-C, or write a recording to `folder`.
+
+    Raises ConfigError if viser is not installed, the port is in use, or the file cannot be written.
+    """
     from importlib.util import find_spec
 
+    from posture.cli import entry
     from posture.config.errors import ConfigError
+    from posture.play.address import check_port
+    from posture.storage import run_dir
 
     if find_spec("viser") is None:
         raise ConfigError("the page needs viser, which is not installed: python -m pip install viser")
-    # Imported here because they are slow.
+    # What is slow to import is imported after the checks.
     if config.record is not None:
+        path = recording_path(config.record, folder)
+        run_dir.writable(path.parent, path.name)
         from posture.play.recording import record
 
-        record(config, Path(config.record))
+        record(config, path)
         return
+    if entry.in_sweep():
+        raise ConfigError("record: missing; the jobs of a sweep record, because a page is served until it is stopped")
+    check_port(config.port)
     from posture.play.server import serve
 
     serve(config)
+
+
+def recording_path(name: str, folder: Path) -> Path:
+    """The file `name`, in the job's `folder` if it has one. Raises ConfigError for a path that leads out of it."""
+    from posture.cli import entry
+    from posture.config.errors import ConfigError
+
+    if not entry.has_folder():
+        return Path(name)
+    if Path(name).is_absolute() or ".." in Path(name).parts:
+        raise ConfigError(f"record = {name}: with out and in a sweep allowed is a path within the job's folder")
+    return folder / name
 
 
 def main() -> None:

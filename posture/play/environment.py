@@ -91,11 +91,12 @@ class PlayEnv(HeadTrackingEnv):
         self.load_state_dict(other.state_dict())
 
     def _target(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        phase, freq, amplitude = torch.full((1,), self.phase), torch.full((1,), self._settings.freq), self._settings.amplitude
+        phase, freq = (torch.full((1,), value, dtype=torch.float64) for value in (self.phase, self._settings.freq))
+        amplitude = self._settings.amplitude
         return (
             target.position(phase, amplitude),
             target.velocity(phase, freq, amplitude),
-            target.acceleration(phase, freq, torch.zeros(1), amplitude),
+            target.acceleration(phase, freq, torch.zeros_like(freq), amplitude),
         )
 
     def _reset(self, mask: torch.Tensor) -> None:

@@ -40,6 +40,10 @@ class ReplanningLqr:
         self.message = ""
         self._config, self._request, self._body = config, TheoryRequest(worker, plan), body
         self._planned_for: tuple[float, ...] = ()
+        self.reset()
+
+    def reset(self) -> None:
+        """See `Controller`."""
         self._position, self._rate, self._acceleration = (
             np.zeros((HARMONICS + 1, 2), dtype=np.complex128) for _ in range(3)
         )  # of the coefficients in use

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from contextlib import AbstractContextManager
+from typing import Any
 
 import viser
 
-from posture.config.errors import ConfigError
 from posture.config.play import SETTINGS, PlayConfig
 from posture.play.session import Session
 
@@ -23,22 +21,17 @@ LABELS = {
 
 
 class Panel:
-    """Added to `gui`. It changes the session only while it holds `lock`; `show_error` displays a message."""
+    """Added to `gui`. What the user does is passed to `command` as an action, which it carries out in the thread of the
+    session. The event handlers run in viser's event loop, so that actions keep their order; they touch nothing else."""
 
     def __init__(
-        self,
-        gui: viser.GuiApi,
-        session: Session,
-        config: PlayConfig,
-        policies: list[str],
-        lock: AbstractContextManager[object],
-        show_error: Callable[[str], object],
+        self, gui: viser.GuiApi, session: Session, config: PlayConfig, command: Callable[[Callable[[], object]], None]
     ) -> None:
-        self._session, self._config, self._lock, self._show_error = session, config, lock, show_error
+        self._session, self._config, self._command = session, config, command
         self.speed = 1.0
         """Simulated time per real time."""
-        self._policy = gui.add_dropdown("policy", policies, initial_value=session.policy)
-        self._policy.on_update(lambda event: self._choose_policy() if event.client is not None else None)
+        self._policy = gui.add_dropdown("policy", session.policies, initial_value=session.policy)
+        self._on_input(self._policy, self._choose_policy)
         self._shown = {name: self._slider_value(name) for name in SETTINGS}
         self._sliders = {name: self._add_slider(gui, name) for name in SETTINGS}
         ramp = f"by {config.ramp_rate:g} Hz/s; press again to stop"
@@ -48,19 +41,18 @@ class Panel:
             ("push", f"push the trunk forward for {config.push.duration:g} s", session.push),
             ("reset", "stand upright and at rest; the settings stay", session.reset),
         ):
-            gui.add_button(label, hint=hint).on_click(self._locked(action))
+            self._add_button(gui, label, hint, action)
         force = gui.add_slider("push [N]", 0.0, config.push.limit, 5.0, config.push.force)
-        force.on_update(lambda _: setattr(session, "push_force", force.value))
-        pause = gui.add_checkbox("pause", False)
-        pause.on_update(lambda _: setattr(session, "paused", pause.value))
+        self._on_input(force, lambda value: setattr(session, "push_force", min(max(float(value), 0.0), config.push.limit)))
+        self._on_input(gui.add_checkbox("pause", False), lambda value: setattr(session, "paused", value))
         slow = gui.add_checkbox("slow motion", False, hint=f"{config.slow_motion:g} of real time")
-        slow.on_update(lambda _: setattr(self, "speed", config.slow_motion if slow.value else 1.0))
+        self._on_input(slow, lambda value: setattr(self, "speed", config.slow_motion if value else 1.0))
 
     def refresh(self) -> None:
-        """Update the sliders where the session changed a setting itself: in a ramp, or with another policy.
+        """Update what the session changed itself: sliders in a ramp or with another policy.
 
-        A slider that the user just moved differs from its setting until its callback has run; it must not be moved back.
-        Therefore the comparison is with the value last shown.
+        A slider that the user just moved differs from its setting until its action is carried out; it must not be moved
+        back. Therefore the comparison is with the value last shown.
         """
         for name, slider in self._sliders.items():
             value = self._slider_value(name)
@@ -68,19 +60,32 @@ class Panel:
                 self._shown[name] = value
                 slider.value = value  # type: ignore[misc]  # viser's type stubs omit the setter
 
+    def _on_input(self, handle: Any, action: Callable[[Any], object]) -> None:
+        """Pass the values that the user gives `handle` to `action`, in the thread of the session."""
+
+        async def changed(event: viser.GuiEvent[Any]) -> None:
+            if event.client is not None:  # not changed by this program
+                value = event.target.value
+                self._command(lambda: action(value))
+
+        handle.on_update(changed)
+
+    def _add_button(self, gui: viser.GuiApi, label: str, hint: str, action: Callable[[], object]) -> None:
+        async def clicked(_: object) -> None:
+            self._command(action)
+
+        gui.add_button(label, hint=hint).on_click(clicked)
+
     def _add_slider(self, gui: viser.GuiApi, name: str) -> viser.GuiSliderHandle[float]:
         low, high, step = getattr(self._config.sliders, name)
         slider = gui.add_slider(LABELS[name], low, high, step, self._slider_value(name))
 
-        def changed(event: viser.GuiEvent[viser.GuiSliderHandle[float]]) -> None:
-            if event.client is None:
-                return  # changed by `refresh`
-            with self._lock:
-                self._session.set(**{name: min(max(float(slider.value), low), high)})
-                if slider.value != self._slider_value(name):
-                    self._shown[name] = math.nan  # a value out of range was typed; `refresh` corrects it
+        def change(value: float) -> None:
+            self._session.set(**{name: min(max(float(value), low), high)})
+            # A value out of range may have been typed; `refresh` corrects it.
+            self._shown[name] = value
 
-        slider.on_update(changed)
+        self._on_input(slider, change)
         return slider
 
     def _slider_value(self, name: str) -> float:
@@ -88,17 +93,8 @@ class Panel:
         value = getattr(self._session.settings, name)
         return float(min(high, low + step * round((value - low) / step)))
 
-    def _locked(self, action: Callable[[], None]) -> Callable[[object], None]:
-        def run(_: object) -> None:
-            with self._lock:
-                action()
-
-        return run
-
-    def _choose_policy(self) -> None:
-        with self._lock:
-            try:
-                self._session.choose(self._policy.value)
-            except ConfigError as error:
-                self._policy.value = self._session.policy  # type: ignore[misc]
-                self._show_error(str(error))
+    def _choose_policy(self, name: str) -> None:
+        try:
+            self._session.choose(name)
+        finally:
+            self._policy.value = self._session.policy  # type: ignore[misc]  # the present one if it cannot be loaded

@@ -32,6 +32,9 @@ class Controller(Protocol):
     def act(self, env: PlayEnv, settings: Settings) -> torch.Tensor:
         """The action for the next control step, (1, 2)."""
 
+    def reset(self) -> None:
+        """Start again, for a stander that is upright and at rest."""
+
 
 @dataclass(frozen=True)
 class PolicyChoice:
@@ -61,6 +64,9 @@ class TrainedPolicy:
     def act(self, env: PlayEnv, settings: Settings) -> torch.Tensor:
         """See `Controller`."""
         return self._policy(env.get_observations())
+
+    def reset(self) -> None:
+        """See `Controller`; an action depends on the present observations only."""
 
 
 def policy_choices(ckpt: str, lqr: LqrConfig) -> list[PolicyChoice]:

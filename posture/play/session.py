@@ -116,7 +116,7 @@ class Session:
         self.ramping, self.fallen, self._time_to_restart, self._push_steps = 0, False, 0.0, 0
         self.trail = Trail()
         self._env.reset_all()
-        self._controller = self._load(self._policies[self.policy])
+        self._controller.reset()
         self.history.clear()
         self._read_state()
 
@@ -135,6 +135,11 @@ class Session:
             raise
         self._env.continue_from(previous_env)
         self._env.apply(self.settings)
+
+    @property
+    def policies(self) -> tuple[str, ...]:
+        """Names of the policies that can be chosen."""
+        return tuple(self._policies)
 
     @property
     def dt(self) -> float:
@@ -181,11 +186,8 @@ class Session:
 
     def _use(self, choice: PolicyChoice) -> None:
         self._env = PlayEnv(choice.env, self.settings)
-        self._controller = self._load(choice)
+        self._controller = choice.load(self._config.lqr, self._worker, self._body)
         self.policy = choice.name
-
-    def _load(self, choice: PolicyChoice) -> Controller:
-        return choice.load(self._config.lqr, self._worker, self._body)
 
     def _advance_ramp(self) -> None:
         if not self.ramping:

@@ -9,6 +9,7 @@ import signal
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,16 +67,25 @@ class TheoryWorker:
     """One process of low priority that runs functions in order. It ends when this process ends, whatever the cause."""
 
     def __init__(self) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._executor = ProcessPoolExecutor(1, context, initializer=_start_worker)
+        self._lock = threading.Lock()  # sessions have threads of their own
+        self._start()
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """The future of `function(*arguments)`."""
-        return self._executor.submit(function, *arguments)
+        """The future of `function(*arguments)`. If the process has died, another is started."""
+        with self._lock:
+            try:
+                return self._executor.submit(function, *arguments)
+            except BrokenProcessPool:
+                self._start()
+                return self._executor.submit(function, *arguments)
 
     def close(self) -> None:
         """Cancel what has not started and wait for what has."""
         self._executor.shutdown(cancel_futures=True)
+
+    def _start(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._executor = ProcessPoolExecutor(1, context, initializer=_start_worker)
 
 
 class TheoryRequest:

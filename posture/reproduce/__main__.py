@@ -9,6 +9,7 @@ Trainings and evaluations are separate commands. Each is printed before it is ru
 """
 
 import shlex
+import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -17,7 +18,7 @@ from pathlib import Path
 
 from hydra.core.global_hydra import GlobalHydra
 
-from posture.cli import entry, jobs
+from posture.cli import entry, jobs, signals
 from posture.cli.jobs import Job
 from posture.cli.sweep import SweepProgress, fraction_done, print_summary, report_periodically
 from posture.config.errors import ConfigError
@@ -45,9 +46,10 @@ class Plan:
     evaluations: Mapping[str, Sequence[Job]]
 
 
-def reproduce(config: ReproduceConfig, _folder: Path) -> None:
-    """Run the stages of `config`. Exits with 1 if a job failed; the report shows the results so far."""
-    run_dir.writable(Path(config.out))
+def reproduce(config: ReproduceConfig, folder: Path) -> None:
+    """Run the stages of `config`; the report goes into `folder`. Exits with 1 if a job failed; the report shows the results
+    so far."""
+    run_dir.writable(folder, "report.html", "summary.md")
     plan = make_plan(config)
     wanted = [job for own in plan.wanted.values() for job in own]
     progress = SweepProgress(wanted)
@@ -57,7 +59,7 @@ def reproduce(config: ReproduceConfig, _folder: Path) -> None:
     if "evaluate" in config.stages and any(fraction_done(job) >= 1 for job in plan.wanted["frequency"]):
         failed |= any([run("eval", evaluation(name, config)) for name in EVALUATIONS])
     if "report" in config.stages or "ship" in config.stages:
-        report(plan, config)
+        report(plan, config, folder)
     if "train" in config.stages:
         failed |= not print_summary(wanted, progress.done_before)
     if failed:
@@ -85,8 +87,8 @@ def train(plan: Plan, config: ReproduceConfig, progress: SweepProgress) -> bool:
     return failed
 
 
-def report(plan: Plan, config: ReproduceConfig) -> None:
-    """Write the page and ship policies, as the stages say. Raises ConfigError if there is nothing to report."""
+def report(plan: Plan, config: ReproduceConfig, folder: Path) -> None:
+    """Write the page to `folder` and ship policies, as the stages say. Raises ConfigError if there is nothing to report."""
     if not any(fraction_done(job) >= 1 for job in plan.trainings["frequency"]):
         raise ConfigError("no policy of Exp. 1 is done: run the stage train first")
     # Imported here because they are slow.
@@ -100,7 +102,7 @@ def report(plan: Plan, config: ReproduceConfig) -> None:
     for warning in warnings(reproduction.trainings, reproduction.left_out):
         print(warning.replace("**", ""), file=sys.stderr)
     if "report" in config.stages:
-        print(write_report(reproduction, paper, config.report, Path(config.out), commands(config)))
+        print(write_report(reproduction, paper, config.report, folder, commands(config)))
     if "ship" in config.stages:
         ship([job for own in plan.trainings.values() for job in own], config.report.shipped_seed)
 
@@ -112,7 +114,10 @@ def training(name: str, config: ReproduceConfig) -> list[str]:
 
 def evaluation(name: str, config: ReproduceConfig) -> list[str]:
     """Arguments of `python -m posture.eval` for an experiment with the policies of Exp. 1."""
-    return ["-m", f"experiment={name}", f"ckpt={POLICIES}", *(o for o in config.overrides if o.startswith("evaluation."))]
+    own = [o for o in config.overrides if o.startswith("evaluation.")]
+    if name == "ramp":  # takes the place of the frequencies
+        own = [o for o in own if not o.startswith("evaluation.freq=")]
+    return ["-m", f"experiment={name}", f"ckpt={POLICIES}", *own]
 
 
 def commands(config: ReproduceConfig) -> list[str]:
@@ -123,10 +128,20 @@ def commands(config: ReproduceConfig) -> list[str]:
 
 
 def run(name: str, arguments: Sequence[str]) -> bool:
-    """Print and run `python -m posture.<name>` with `arguments`; whether it failed."""
+    """Print and run `python -m posture.<name>` with `arguments`; whether it failed. It ends before a signal ends this."""
     command = ["-m", f"posture.{name}", *arguments]
     print(f"$ python {shlex.join(command)}", flush=True)
-    return subprocess.run([sys.executable, *command], check=False).returncode != 0
+    with subprocess.Popen([sys.executable, *command]) as child:
+        try:
+            return child.wait() != 0
+        except signals.Stopped as stop:
+            if stop.number != signal.SIGINT:  # Ctrl-C reaches both
+                child.send_signal(stop.number)
+            try:
+                child.wait()  # it saves
+            except signals.Stopped:
+                child.kill()
+            raise
 
 
 def _launcher(config: ReproduceConfig) -> list[str]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from envs.body.model import MJCF
 from envs.body.segments import read_segments
-from envs.config import EnvConfig
+from envs.config import EnvConfig, Ramp
 from posture.analysis.results import NO_REWARD, Result, RewardOptimum, read_csv
 from posture.analysis.trajectory import Trajectory
 from posture.cli.jobs import Job
@@ -119,7 +119,7 @@ def _trial(job: Job) -> EvalConfig:
 
 def _ramp_start(job: Job) -> float:
     ramp = _trial(job).env.ramp
-    assert ramp is not None
+    assert isinstance(ramp, Ramp)
     return ramp.start
 
 

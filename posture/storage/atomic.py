@@ -1,7 +1,7 @@
 """Atomic writing: a file is complete, or it is not there."""
 
 import os
-import re
+import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,7 +15,8 @@ def replacing(path: Path) -> Iterator[Path]:
     name of `path` if it cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    # Its length does not depend on that of `path`, whose name may be as long as the file system allows.
+    temporary = path.with_name(f".posture-{uuid.uuid4().hex}.tmp")
     try:
         yield temporary
         # Otherwise a power cut could leave the new name on an incomplete file. Windows needs a writable descriptor.
@@ -32,6 +33,5 @@ def replacing(path: Path) -> Iterator[Path]:
 
 def clear(folder: Path) -> None:
     """Remove temporary files that killed processes left in `folder`; no other process may be using it."""
-    for path in folder.glob(".*.tmp"):
-        if re.fullmatch(r"\..+\.\d+\.tmp", path.name):
-            path.unlink(missing_ok=True)
+    for path in folder.glob(".posture-*.tmp"):
+        path.unlink(missing_ok=True)

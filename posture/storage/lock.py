@@ -1,13 +1,13 @@
 """One process at a time in a folder: a lock that is released when its process ends, in any way."""
 
 import contextlib
-import os
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
 from filelock import FileLock, Timeout
 
+from posture.config import torchrun
 from posture.config.errors import ConfigError
 
 
@@ -18,15 +18,21 @@ def locked(folder: Path) -> Iterator[None]:
     A process may take a lock that it already holds. Of the processes that torchrun starts only the first takes it.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    if os.environ.get("RANK", "0") != "0":
+    if torchrun.rank() > 0:
         yield
         return
     try:
-        acquired = _lock(folder.resolve()).acquire(blocking=False)
+        # Not at once: another process holds the lock for a moment while it asks whether the folder is in use.
+        acquired = _lock(folder.resolve()).acquire(timeout=0.2, poll_interval=0.02)
     except Timeout:
         raise ConfigError(f"{folder}: another process is using this folder; wait for it, or stop it") from None
     with acquired:
         yield
+
+
+def is_held(folder: Path) -> bool:
+    """Whether a process, this one or another, holds the lock of `folder`."""
+    return _lock(folder.resolve()).is_locked or is_busy(folder)
 
 
 def is_busy(folder: Path) -> bool:

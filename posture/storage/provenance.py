@@ -6,9 +6,11 @@ posture/config/. Digests of different minor versions of Python differ, since the
 """
 
 import ast
+import contextlib
 import datetime
 import hashlib
 import importlib.metadata
+import os
 import platform
 import subprocess
 import sys
@@ -55,6 +57,17 @@ def starts(run: Path) -> list[Any]:
     if not isinstance(starts, list):
         raise ConfigError(f"{path}: not a list of the run's starts; move the file away to begin a new one")
     return starts
+
+
+def other_code(run: Path) -> list[str]:
+    """`name before, not now` for the training code and each library with which `run` was started in another version."""
+    now = {"training code": training_code(), **library_versions()}
+    different: dict[str, str | None] = {}
+    for start in starts(run):
+        with contextlib.suppress(KeyError, TypeError):  # a start of an earlier version of posture may lack a part
+            before = {"training code": start["training_code"], **start["versions"]}
+            different |= {key: before.get(key) for key in now if before.get(key) != now[key]}
+    return [f"{key} {before}, not {now[key]}" for key, before in different.items()]
 
 
 @cache
@@ -129,11 +142,22 @@ def _is_warp(node: ast.FunctionDef | ast.ClassDef) -> bool:
 
 
 def _git_commit() -> str | None:
-    """Commit of the checkout that this code runs from, with -dirty if it has changes; None outside a checkout."""
-    if not (ROOT / ".git").exists():  # an installed package may lie inside another project's repository
-        return None
+    """Commit of the checkout that this code runs from, with -dirty if it has changes; None outside a checkout.
+
+    Of no other repository: not of one around an installed or unpacked copy, nor of one that GIT_DIR names.
+    """
+    git = ["git", f"--git-dir={ROOT / '.git'}", f"--work-tree={ROOT}"]
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("GIT_")}
+
+    def output(*command: str) -> str:
+        done = subprocess.run(
+            [*git, *command], cwd=ROOT, env=environment, capture_output=True, text=True, timeout=10, check=True
+        )
+        return done.stdout.strip()
+
     try:
-        command = ["git", "describe", "--always", "--dirty", "--abbrev=40"]
-        return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
+        # An unpacked copy may lie at the top of another repository; its files are then not tracked there.
+        output("ls-files", "--error-unmatch", Path(__file__).resolve().relative_to(ROOT).as_posix())
+        return output("describe", "--always", "--dirty", "--abbrev=40", "--exclude=*")
     except (OSError, subprocess.SubprocessError):
         return None

@@ -9,12 +9,15 @@ evaluation/       output of posture.eval
 """
 
 import datetime
+import errno
 import os
 import re
+import stat
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
+from posture.config import torchrun
 from posture.config.errors import ConfigError
 from posture.config.reading import read
 from posture.config.train import TrainConfig
@@ -30,12 +33,12 @@ def folder_for(parent: str, resume: str | None) -> str:
     """Folder for a run that starts: that of the run it resumes, or a new one under `parent`.
 
     A new folder is named after the time and the process, so that runs started in the same second have different folders. Of
-    the processes that torchrun starts only the first writes; the others get a temporary folder.
+    the processes that torchrun starts only the first writes; the others get `parent`, in which they write nothing.
     """
     if resume is not None:
         return str(find_run(resume))
-    if os.environ.get("RANK", "0") != "0":
-        return tempfile.mkdtemp(prefix="posture-")
+    if torchrun.rank() > 0:
+        return parent
     name = f"{datetime.datetime.now():%Y-%m-%d_%H-%M-%S}_{os.getpid()}"
     taken = sum(1 for path in Path(parent).glob(f"{name}*"))
     return str(Path(parent) / (f"{name}_{taken + 1}" if taken else name))
@@ -139,12 +142,25 @@ def read_config(run: Path) -> TrainConfig:
     return read(TrainConfig, upgrade(values, path), str(path))
 
 
-def writable(folder: Path) -> Path:
-    """`folder`, created if necessary. Raises ConfigError if it cannot be written to."""
+def writable(folder: Path, *files: str) -> Path:
+    """`folder`. Raises ConfigError if it can be neither written to nor created, or one of `files` in it cannot be written.
+
+    Creates nothing; the first file that is written does.
+    """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
+        existing = next(place for place in (folder, *folder.absolute().parents) if place.exists() or place.is_symlink())
+        if not existing.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
+        with tempfile.TemporaryFile(dir=existing):
             pass
     except OSError as error:
         raise ConfigError(f"cannot write to the folder {folder}: {error.strerror}") from None
+    for path in (folder / name for name in files):
+        try:
+            if stat.S_ISDIR(path.lstat().st_mode):
+                raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        except FileNotFoundError:
+            pass
+        except OSError as error:  # also a name that is too long
+            raise ConfigError(f"cannot write the file {path}: {error.strerror}") from None
     return folder

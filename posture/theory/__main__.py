@@ -15,7 +15,7 @@ from posture.storage import run_dir
 
 def theory(config: TheoryConfig, folder: Path) -> None:
     """Print and write the tables, and draw the map, of one stander."""
-    out = run_dir.writable(folder / "theory" if config.out is None else Path(config.out))
+    run_dir.writable(folder)
     # Imported here because they are slow.
     from envs.body.segments import read_segments
     from posture.analysis.results import write_rows
@@ -28,12 +28,13 @@ def theory(config: TheoryConfig, folder: Path) -> None:
         found = all_tables(body, config)
     except InfeasibleError as error:
         raise ConfigError(str(error)) from None
+    paths = [folder / "theory_map.png"]
     for name, table in found.items():
         print(f"{table.title}\n{table.text()}\n")
-        write_rows(table.csv_rows(), out / f"{name}.csv")
-    draw_map(body, config, found, out / "theory_map.png")
-    for path in sorted(out.iterdir()):
-        print(path)
+        paths.append(folder / f"{name}.csv")
+        write_rows(table.csv_rows(), paths[-1])
+    draw_map(body, config, found, paths[0])
+    print(*sorted(paths), sep="\n")
 
 
 def main() -> None:

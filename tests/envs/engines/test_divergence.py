@@ -5,9 +5,9 @@ import math
 import pytest
 import torch
 
-from envs.config import SolverConfig
+from envs.config import ConstraintOverflowError, SolverConfig
 from envs.engines.factory import simulate
-from envs.engines.interface import ConstraintOverflowError, top_speed
+from envs.engines.interface import top_speed
 from envs.engines.newton_mujoco import NewtonMujocoSimulation
 from envs.task.head_tracking import HeadTrackingEnv
 from envs.task.observations import TERMS
@@ -157,8 +157,9 @@ def test_overflow_error_states_the_number_of_rows_needed(config):
     crouched(config, constraint_rows=20, contacts=4).check_capacity()  # four is all that two soles can have
 
 
-def test_evaluation_with_an_overflow_fails_and_writes_no_result(monkeypatch, tmp_path):
-    """The uncaught error gives exit code 1, and no file of results is left."""
+@pytest.mark.parametrize("command", ["eval", "export", "train"])
+def test_command_with_an_overflow_fails_and_writes_no_result(monkeypatch, tmp_path, capsys, command):
+    """One line with the key to raise, exit code 1, and no file of results is left."""
     monkeypatch.chdir(tmp_path)
     call(monkeypatch, "train", *TINY, "evaluate=false", "max_iterations=1")
     build = NewtonMujocoSimulation.__init__
@@ -168,10 +169,14 @@ def test_evaluation_with_an_overflow_fails_and_writes_no_result(monkeypatch, tmp
         sim._data.njmax = 8  # the solver's own minimum is the 16 rows of two flat feet
 
     monkeypatch.setattr(NewtonMujocoSimulation, "__init__", cramped)
-    with pytest.raises(ConstraintOverflowError, match="env.solver.constraint_rows = 8, needed at least"):
-        call(monkeypatch, "eval", "ckpt=latest", "env.physics=mujoco")
+    monkeypatch.setattr("envs.task.head_tracking.CHECK_CAPACITY_EVERY", 1)
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as stop:
+        call(monkeypatch, command, *(TINY if command == "train" else ["ckpt=latest"]), "env.physics=mujoco")
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert stop.value.code == 1 and line.startswith("error: ") and "env.solver.constraint_rows = 8, needed at least" in line
     left = {path.name for path in tmp_path.rglob("*")}
-    assert "model_1.pt" in left and not left & {"metrics.csv", "trajectories.npz", "table.md", "trial.yaml"}
+    assert "model_1.pt" in left and not left & {"metrics.csv", "trajectories.npz", "table.md", "trial.yaml", "policy.onnx"}
 
 
 # -- reproducibility -----------------------------------------------------------------------------------------------------

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import torch
 
+from envs.config import ConstraintOverflowError
 from envs.engines.factory import simulate
-from envs.engines.interface import ConstraintOverflowError
 from envs.engines.mujoco_c import MujocoCSimulation
 from envs.engines.newton_mujoco import NewtonMujocoSimulation
 from envs.engines.sagittal import SagittalSimulation

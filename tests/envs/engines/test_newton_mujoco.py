@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from envs.engines.interface import ConstraintOverflowError
+from envs.config import ConstraintOverflowError
 from envs.engines.newton_mujoco import NewtonMujocoSimulation
 from tests.mujoco_c import MujocoC
 

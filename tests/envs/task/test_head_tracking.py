@@ -1,6 +1,7 @@
 """The environment: what it senses, when an episode ends, what it returns, and that its worlds are each their own."""
 
 import math
+from fractions import Fraction
 
 import pytest
 import torch
@@ -115,6 +116,36 @@ def test_episodes_last_as_long_as_was_drawn(env_config):
             ages[world] = 0
     drawn = [length for world in lengths for length in world]
     assert min(drawn) >= 3 and max(drawn) <= 9 and len(set(drawn)) > 3
+
+
+@pytest.mark.parametrize(
+    "target", ["env.freq=1.2", "env.freq=[0.6,1.2]", "env.ramp={start: 0.9, rate: -0.000007, duration: 90000}"]
+)
+def test_target_is_exact_at_any_time(env_config, target):
+    """After 100, 10,000 and 100,000 s, against the phase in exact arithmetic: 0.03 um of 0.2 m, single precision."""
+    env = environment(env_config, target, "env.episode_steps=10000000", "env.termination.head_tolerance=null")
+    ramp = env.config.ramp
+    for step in (round(time / env.config.control_dt) for time in (100, 10_000, 100_000)):
+        env.episode_length_buf.fill_(step - 1)
+        env.step(still(env))
+        now = step * Fraction(env.config.control_dt)
+        for freq, x, vx in zip(env.freq.tolist(), env.state.target_x.tolist(), env.state.target_vx.tolist(), strict=True):
+            cycles, speed = Fraction(freq) * now, freq
+            if ramp is not None:
+                risen = min(now, Fraction(ramp.duration))
+                cycles += Fraction(ramp.rate) * (risen * now - risen**2 / 2)
+                speed += ramp.rate * float(risen)
+            angle = 2 * math.pi * float(cycles % 1)
+            assert x == pytest.approx(0.1 * (1 - math.cos(angle)), rel=0, abs=3e-8)
+            assert vx == pytest.approx(0.2 * math.pi * speed * math.sin(angle), rel=0, abs=1e-7)
+
+
+def test_configured_frequencies_are_kept_in_double_precision(env_config):
+    env = environment(env_config, "env.freq=0.6")
+    assert env.freq.tolist() == [0.6] * 4
+    env.follow(torch.tensor([0.1, 0.3, 0.7, 1.1], dtype=torch.float64))
+    env.reset_all()
+    assert env.freq.tolist() == [0.1, 0.3, 0.7, 1.1]
 
 
 def test_observation_groups(env_config):

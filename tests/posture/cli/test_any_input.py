@@ -128,9 +128,16 @@ REFUSED = [  # beside the ranges, which every key has (test above)
     ("train", "agent.actor.distribution_cfg.init_std=2", "agent.actor.distribution_cfg.init_std = 2 must lie within"),
     ("train", "agent.obs_groups.actor=[foot_wrench]", "agent.obs_groups.actor: foot_wrench not among"),
     ("train", "evaluation.transient=100", "evaluation.transient: 100 s leaves nothing of a trial of 100 s"),
-    ("train", "evaluation.duration=99999", "evaluation.duration: 99999 s"),
+    ("train", "evaluation.duration=99999", "evaluation.duration = 99999: allowed is at most 16600 s at 10 frequencies"),
+    (
+        "train",
+        "evaluation.duration=99999 evaluation.freq=[1]",
+        "evaluation.duration = 99999: allowed is at most 83000 s at 1",
+    ),
     ("eval", "policy=lqr lqr.tolerance_margin=0.03", "lqr.tolerance_margin: 0.03 m leaves nothing"),
     ("eval", "lqr.env.observations.policy=[balance]", "lqr.env.observations.policy: unknown balance"),
+    ("eval", "policy=lqr env.ramp={start:0,rate:0.1,duration:10}", "env.ramp: policy=lqr plans its motion for constant"),
+    ("eval", "policy=lqr lqr.env.ramp={start:0,rate:0.1,duration:10}", "env.ramp: policy=lqr plans its motion for constant"),
     ("eval", "ckpt=''", "ckpt: a path must not be empty"),
     ("theory", "tolerance=0.1", "tolerance: 0.1 m leaves the head no motion"),
 ]

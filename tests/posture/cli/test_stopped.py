@@ -9,10 +9,12 @@ import signal
 import subprocess
 import sys
 import time
+import uuid
 from pathlib import Path
 
 import pytest
 
+from posture.cli import signals
 from posture.cli.sweep import status
 from posture.learning.resume import iterations_done
 from posture.storage import atomic, checkpoint, run_dir
@@ -41,7 +43,8 @@ def started(*arguments):
     finally:
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
+        if not process.stdout.closed:
+            process.communicate()
 
 
 def wait_for(condition, process):
@@ -83,14 +86,10 @@ def equal(one, other, iterations):
 
 
 def steps(run):
-    """Iterations in the TensorBoard files of `run`, in order."""
+    """The steps of `run` that TensorBoard shows, in order."""
     from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-    return [
-        event.step
-        for path in sorted(run.glob("events.out.*"), key=lambda path: path.stat().st_mtime_ns)
-        for event in EventAccumulator(str(path)).Reload().Scalars("/cost")
-    ]
+    return [event.step for event in EventAccumulator(str(run)).Reload().Scalars("/cost")]
 
 
 # -- signals -------------------------------------------------------------------------------------------------------------
@@ -109,15 +108,42 @@ def stop_and_resume(monkeypatch, number, processes, to_all):
     assert not is_busy(run)
     (model,) = run.glob("model_*.pt")  # saved because of the signal, since no other save was due
     done = run_dir.iteration_of(model)
-    assert iterations_done(run) == done and steps(run) == list(range(done))
+    assert iterations_done(run) == done and steps(run) == list(range(1, done + 1))
     call(monkeypatch, "train", f"resume={run}", f"max_iterations={done + 2}")
     call(monkeypatch, "train", *shared, f"max_iterations={done + 2}", "hydra.run.dir=whole")
     assert equal(run, Path("whole"), done + 2)
-    assert steps(run) == steps(Path("whole")) == list(range(done + 2))
+    assert steps(run) == steps(Path("whole")) == list(range(1, done + 3))
 
 
 def test_a_signal_ends_the_iteration_and_saves(monkeypatch):
     stop_and_resume(monkeypatch, signal.SIGTERM, 1, to_all=False)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX only")
+@pytest.mark.parametrize("processes", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_closed_terminal_ends_the_iteration_and_saves(processes):
+    """It sends SIGHUP to all processes, more than once, and its output is gone."""
+    with started(*PLAIN, f"processes={processes}", RARE, FOREVER, "hydra.run.dir=hung_up") as process:
+        wait_for(lambda: list(Path("hung_up").glob("events.out.*")), process)
+        process.stdout.close()
+        process.stderr.close()
+        for _ in range(3):
+            os.killpg(process.pid, signal.SIGHUP)
+            time.sleep(0.01)
+        assert process.wait(LIMIT_S) == 129
+    (model,) = Path("hung_up").glob("model_*.pt")
+    assert iterations_done(Path("hung_up")) == run_dir.iteration_of(model) and not is_busy(Path("hung_up"))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX only")
+def test_under_nohup_a_closed_terminal_changes_nothing():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with signals.deferred():
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert not signals.pending()
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 @pytest.mark.slow
@@ -268,11 +294,19 @@ def test_an_interrupted_save_loses_nothing(trained, begun, monkeypatch, name, mo
     assert bool(temporary) == ("before" in moment) and run_dir.newest_model(begun) not in temporary
     call(monkeypatch, "train", f"resume={begun}", "max_iterations=4")
     assert equal(begun, trained / "whole", 4) and not list(begun.glob(".*.tmp"))
+    assert steps(begun) == [1, 2, 3, 4]
+
+
+def test_the_last_checkpoint_is_written_once(begun, monkeypatch):
+    written, save = [], checkpoint.save
+    monkeypatch.setattr(checkpoint, "save", lambda content, path: (written.append(path.name), save(content, path)))
+    call(monkeypatch, "train", f"resume={begun}", "max_iterations=3")
+    assert written == ["model_3.pt", "resume.pt"]
 
 
 def test_temporary_files_are_removed_by_the_next_start_and_others_kept(begun, monkeypatch, capsys):
     """Unless another process is training in the folder, whose files they may be."""
-    temporary, other = begun / ".model_9.pt.12345.tmp", begun / ".mine.tmp"
+    temporary, other = begun / ".posture-1.tmp", begun / ".mine.tmp"
     temporary.write_bytes(b"half")
     other.write_bytes(b"another program's")
     assert run_dir.newest_model(begun).name == "model_2.pt"
@@ -316,8 +350,8 @@ def test_a_full_disk_is_one_line_and_loses_nothing_saved(begun, monkeypatch, cap
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
 def test_an_error_of_the_system_names_the_file_that_was_to_be_written(tmp_path, monkeypatch):
     """By a device that is always full."""
-    monkeypatch.setattr(atomic.os, "getpid", lambda: 1)
-    (tmp_path / ".model_1.pt.1.tmp").symlink_to("/dev/full")
+    monkeypatch.setattr(atomic.uuid, "uuid4", lambda: uuid.UUID(int=1))
+    (tmp_path / f".posture-{uuid.UUID(int=1).hex}.tmp").symlink_to("/dev/full")
     with pytest.raises(OSError, match="No space left on device") as full:
         checkpoint.save({"iter": 1}, tmp_path / "model_1.pt")
     assert full.value.filename == str(tmp_path / "model_1.pt") and list(tmp_path.iterdir()) == []

@@ -12,6 +12,7 @@ from posture.cli.jobs import Job, check
 from posture.cli.sweep import SweepProgress, fraction_done, run_job, status
 from posture.config.train import TrainConfig
 from posture.storage import checkpoint, run_dir
+from posture.storage.lock import locked
 from tests.commands import CONSTANT, TINY, call, refused, same, table
 from tests.conftest import compose
 
@@ -164,7 +165,9 @@ def test_time_left_by_the_speed_so_far(tmp_path, monkeypatch):
     (tmp_path / "b" / "model_500.pt").touch()
     (tmp_path / "b" / "status.yaml").write_text("state: running\n")
     monkeypatch.setattr(time, "monotonic", lambda: now + 600)
-    assert progress.line() == "1 of 3 done, 1 running, 30 min left"
+    with locked(tmp_path / "b"):
+        assert progress.line() == "1 of 3 done, 1 running, 30 min left"
+    assert progress.line() == "1 of 3 done, 0 running, 30 min left"
 
 
 def test_a_failure_keeps_its_traceback(tmp_path):

@@ -78,10 +78,11 @@ def test_an_evaluation_is_reproducible_and_changes_no_file_of_the_run(training, 
     opened.clear()
     call(monkeypatch, "eval", f"ckpt={run}", *EVALUATION)
     (own,) = (path for path in run.iterdir() if path.is_dir())
-    call(monkeypatch, "eval", f"ckpt={run / own.name.removeprefix('evaluation_')}.pt", "out=again", *EVALUATION)
+    number = own.name.split("_")[2]  # evaluation_model_<n>_<what differs>
+    call(monkeypatch, "eval", f"ckpt={run}/model_{number}.pt", "out=again", *EVALUATION)
     written = {path for _, path in opened if path.startswith(str(run))}
     after = newest_model(run)
-    assert process.poll() is None and iteration_of(after) > int(own.name.split("_")[-1])  # it was running all the time
+    assert process.poll() is None and iteration_of(after) > int(number)  # it was running all the time
 
     table = (own / "metrics.csv").read_bytes()
     assert table == Path("again/metrics.csv").read_bytes() and b"nan" in table

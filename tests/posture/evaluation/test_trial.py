@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from envs.config import Ramp
 from posture.config.errors import ConfigError
 from posture.config.eval import EnvChanges
 from posture.evaluation.trial import AS_TRAINED, comparable_table_3, trial_config
@@ -29,6 +30,37 @@ def test_published_values_are_compared_only_under_their_own_conditions(run, chan
     trial = trial_config(run.env, run.evaluation, changes, "cpu")
     assert (comparable_table_3(trial) is None) == bool(change)
     assert comparable_table_3(trial.model_copy(update={"energy_weight": 5.0})) is None
+
+
+RAMPED = compose("env.ramp={start:0.1,rate:0.1,duration:5}")
+
+
+def test_a_policy_trained_on_a_ramp_can_be_evaluated_at_constant_frequencies():
+    def followed(ramp):
+        changes = AS_TRAINED.model_copy(update={"ramp": ramp})
+        trial = trial_config(RAMPED.env, RAMPED.evaluation.model_copy(update={"freq": (0.5,)}), changes, "cpu")
+        return trial.ramp
+
+    other = Ramp(start=1.0, rate=-0.1, duration=5.0)
+    assert (followed(None), followed(other), followed("none")) == (RAMPED.env.ramp, other, None)
+
+
+def test_the_longest_trial_is_a_valid_one_and_a_longer_one_is_refused_by_its_own_key(run):
+    def trial(duration):
+        evaluation = run.evaluation.model_copy(update={"freq": (0.5,), "duration": duration})
+        return trial_config(run.env, evaluation, AS_TRAINED, "cpu")
+
+    longest = 4_999_999 * 0.0166  # an episode of twice as many control steps, and one, is the longest allowed
+    assert trial(longest).episode_steps == 9_999_999
+    with pytest.raises(ConfigError, match=r"^evaluation\.duration = 83010: allowed is at most 83000 s at 1 freq"):
+        trial(83010.0)
+
+
+def test_a_change_that_does_not_fit_the_run_is_refused_by_its_own_key(run):
+    slow = run.env.model_copy(update={"control_dt": 0.05, "solver": run.env.solver.model_copy(update={"substeps": 5})})
+    changes = AS_TRAINED.model_copy(update={"ramp": Ramp(start=0.0, rate=1.0, duration=9.0)})
+    with pytest.raises(ConfigError, match=r"^env\.ramp: a period at 9 Hz"):
+        trial_config(slow, run.evaluation, changes, "cpu")
 
 
 def test_the_evaluated_policy_is_the_trained_one(run, env, tmp_path):

@@ -86,6 +86,29 @@ def test_bad_input(monkeypatch, capsys, tmp_path, arguments, expected):
     assert [path.name for path in tmp_path.iterdir()] == ["taken"]
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX only")
+@pytest.mark.parametrize(
+    ("ffmpeg", "expected"),
+    [
+        ("missing/ffmpeg", "missing/ffmpeg with the encoder libx264: No such file or directory"),
+        ("data.txt", "data.txt with the encoder libx264: Permission denied"),
+        ("old.sh", "old.sh with the encoder libx264: ffmpeg failed: Unknown encoder 'libx264'"),
+        (None, "No ffmpeg exe could be found"),
+    ],
+)
+def test_unusable_ffmpeg_is_refused_before_drawing(monkeypatch, capsys, tmp_path, ffmpeg, expected):
+    (tmp_path / "data.txt").write_text("no program")
+    (tmp_path / "old.sh").write_text("#!/bin/sh\necho \"Unknown encoder 'libx264'\" >&2; exit 1\n")
+    (tmp_path / "old.sh").chmod(0o755)
+    if ffmpeg is None:
+        monkeypatch.setattr("imageio_ffmpeg._utils._get_ffmpeg_exe", lambda: None)
+    else:
+        monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(tmp_path / ffmpeg))
+    monkeypatch.setattr("posture.film.trials.two_modes", lambda *_: pytest.fail("drawn"))
+    line = refused(monkeypatch, capsys, "film", "films=[two_modes]", "out=film")
+    assert expected in line and "install ffmpeg" in line and not (tmp_path / "film").exists()
+
+
 def test_command_writes_both_files_without_a_display(tmp_path):
     """One cycle at 0.15 Hz lasts 6.67 s, 40 frames at 6 frames per second."""
     environ = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY", "MPLBACKEND")}

@@ -1,8 +1,13 @@
 """Training shared among processes: together they are one batch of worlds, one policy and one normalisation."""
 
+import multiprocessing
 import os
+import resource
 import signal
 import sys
+import tempfile
+import threading
+import time
 
 import pytest
 import torch
@@ -11,16 +16,22 @@ from rsl_rl.modules import EmpiricalNormalization
 from rsl_rl.storage import RolloutStorage
 from tensordict import TensorDict
 
+from envs.config import ConstraintOverflowError
 from envs.task.head_tracking import HeadTrackingEnv
+from posture.config import torchrun
+from posture.config.errors import RunError
 from posture.learning import parallel
-from posture.learning.ppo import ShuffledStorage, pool_normalizer
+from posture.learning.ppo import ShuffledStorage
+from posture.learning.shared_memory import _create_group
 
 SIZE = 3
 """Processes of the exchanges below."""
 
 
 def samples_of(rank):
-    return torch.randn(500, 3, generator=torch.Generator().manual_seed(rank)) * (1 + rank) + rank
+    """Two updates of 500 samples with three components; the mean of the last is large against its deviation."""
+    noise = torch.randn(2, 500, 3, generator=torch.Generator().manual_seed(rank))
+    return noise * torch.tensor([1.0, 1.0 + rank, 0.1]) + torch.tensor([0.0, rank, 1000.0])
 
 
 def exchange():
@@ -34,8 +45,8 @@ def exchange():
     states = parallel.gather({"rank": rank, "blocked": blocked, "tensor": torch.full((400_000,), float(rank))})
     conditions = parallel.any_process(rank == 1, "cpu"), parallel.any_process(False, "cpu")
     normalizer = EmpiricalNormalization(3)
-    normalizer.update(samples_of(rank))
-    pool_normalizer(normalizer)
+    for samples in samples_of(rank):
+        normalizer.update(samples)
     return total, sent, states, conditions, normalizer
 
 
@@ -62,24 +73,58 @@ def test_signals_of_the_terminal_reach_the_first_process_only(exchanged):
 
 
 def test_normaliser_has_the_moments_of_all_samples(exchanged):
-    samples, normalizer = torch.cat([samples_of(rank) for rank in range(SIZE)]), exchanged[4]
-    assert torch.allclose(normalizer.mean, samples.mean(0), atol=1e-4)
-    assert torch.allclose(normalizer.std, samples.std(0, unbiased=False), atol=1e-4)
+    samples, normalizer = torch.cat([samples_of(rank) for rank in range(SIZE)], 1).flatten(0, 1).double(), exchanged[4]
+    assert normalizer.mean.double() == pytest.approx(samples.mean(0), rel=1e-6, abs=1e-6)
+    assert normalizer.std.double() == pytest.approx(samples.std(0, unbiased=False), rel=1e-4)
 
 
 def fail(how):
-    if parallel.rank() != 0:
-        os.kill(os.getpid(), signal.SIGKILL) if how == "killed" else sys.exit(3)
+    if parallel.rank() == 0:
+        return
+    if how == "killed":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if how == "overflow":
+        raise ConstraintOverflowError("env.solver.contacts = 4, needed at least 5")
+    sys.exit(3)
 
 
-@pytest.mark.parametrize(("how", "message"), [("killed", "ended unexpectedly"), ("exit code 3", "failed")])
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        ("killed", "process 1 of 2 ended unexpectedly"),
+        ("exit code 3", "process 1 of 2 failed"),
+        ("overflow", "env.solver.contacts = 4, needed at least 5"),
+    ],
+)
 def test_worker_that_fails_is_an_error(how, message):
-    with (
-        pytest.raises(RuntimeError, match=f"process 1 of 2 {message}"),
-        parallel.worker_processes(2, "cpu", fail, how),
-    ):
-        if how == "killed":
+    with pytest.raises(RunError, match=message), parallel.worker_processes(2, "cpu", fail, how):
+        if how != "exit code 3":
             dist.all_reduce(torch.zeros(1))
+
+
+def work_on():
+    if parallel.rank() != 0:
+        threading.Thread(target=time.sleep, args=(60,)).start()  # the process exits after its threads
+
+
+def test_worker_that_exits_late_has_not_failed(monkeypatch):
+    monkeypatch.setattr(parallel, "EXIT_S", 0.1)
+    with parallel.worker_processes(2, "cpu", work_on):
+        work_on()
+    assert multiprocessing.active_children() == []
+
+
+def test_full_temporary_folder_is_named_with_the_size_that_is_needed(monkeypatch, tmp_path):
+    """By a limit of the system on the size of files. The pages of a file with a hole would fail when they are written to."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, before[1]))
+    try:
+        with pytest.raises(RunError, match=f"share 4.2 MB in .* {tmp_path}: File too large; name .* TMPDIR"):
+            _create_group(None, 0, 2, None)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("device", ["cuda", "cpu on Windows"])
@@ -92,8 +137,9 @@ def test_one_process_on_a_gpu_and_on_windows(monkeypatch, capsys, device):
 
 
 def test_under_torchrun_each_process_has_its_gpu(monkeypatch):
-    monkeypatch.setenv("WORLD_SIZE", "4")
-    monkeypatch.setenv("LOCAL_RANK", "3")
+    for name, value in zip(torchrun.VARIABLES, ("3", "4", "3", "localhost", "29500"), strict=True):
+        monkeypatch.setenv(name, value)
+    assert (parallel.rank(), parallel.size()) == (3, 4)
     assert parallel.local_device("cuda") == "cuda:3" and parallel.local_device("cpu") == "cpu"
 
 

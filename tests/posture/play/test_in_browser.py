@@ -1,4 +1,4 @@
-"""The page in a real browser: its controls change the session in this process, and its pictures show the stander.
+"""The page in a real browser: what it shows, and that its controls reach the session. What they do is in test_server.
 
 Screenshots are left in runs/play/, for a person to look at.
 """
@@ -48,7 +48,7 @@ def browser():
 
 @pytest.fixture(scope="module")
 def server():
-    config = compose_play("port=0", "visitors=2")
+    config = compose_play("port=0")
     with running(config, policy_choices(config.ckpt, config.lqr)) as server:
         yield server
 
@@ -83,8 +83,9 @@ class Window:
         self.page.goto(f"http://127.0.0.1:{server.port}")
         self.page.get_by_text("posture").first.wait_for()
         self.wait(lambda: set(server.visitors) - known)
-        (self.number,) = set(server.visitors) - known
-        self.visitor = server.visitors[self.number]
+        (number,) = set(server.visitors) - known
+        self.visitor = server.visitors[number]
+        self.wait(lambda: self.visitor.frames > 0)
         self.session = self.visitor.session
 
     def wait(self, condition):
@@ -109,13 +110,36 @@ class Window:
     def toggle(self, label):
         self.page.locator("label", has_text=label).click()
 
-    def choose_policy(self, name):
-        self.control("policy").locator("input").first.click()
-        self.page.get_by_role("option", name=name, exact=True).click()
-        self.wait(lambda: self.session.policy == name)
-
     def screenshot(self, name):
         self.page.screenshot(path=SCREENSHOTS / f"{name}.png")
+
+
+# These come first: beside another window, which also renders in software, they are slow.
+
+
+@pytest.mark.slow
+def test_error_is_shown(browser, server, monkeypatch):
+    window = Window(browser, server, height=400)
+    monkeypatch.setattr(window.session, "step", lambda: 1 / 0)
+    window.page.get_by_text("ZeroDivisionError: division by zero; reload the page").wait_for()
+    window.page.close()
+
+
+@pytest.mark.slow
+def test_recording_plays_without_python(browser, tmp_path):
+    config = compose_play("record=x.html", "recording.freq=[0.7,0.75]", "recording.hold=2", "frames_per_s=10")
+    path = tmp_path / "session.html"
+    record(config, path)
+    page, errors, requests = new_page(browser, 1000, 700)
+    page.goto(path.as_uri())
+    page.locator(".mantine-Slider-root").wait_for()
+    end = time.monotonic() + TIMEOUT_S
+    while not 0.01 < blue(pixels(page.screenshot(path=SCREENSHOTS / "recording.png"))) < 0.5:  # the scene fades in
+        assert time.monotonic() < end, "the body is not visible"
+        page.wait_for_timeout(500)
+    assert errors == []
+    assert [url for url in requests if not url.startswith(("data:", "blob:", path.as_uri()))] == []
+    page.close()
 
 
 @pytest.fixture(scope="module")
@@ -132,13 +156,14 @@ def window(shared):
         shared.toggle("pause")
     shared.enter("frequency [Hz]", 0.3)
     shared.press("reset")
-    shared.wait(lambda: shared.session.settings.freq == 0.3 and not shared.session.paused and shared.session.time > 0)
+    shared.wait(lambda: shared.session.settings.freq == 0.3 and not shared.session.paused)
+    shared.page.locator("[data-mode='undefined']").wait_for()
     return shared
 
 
 def test_page_loads_without_errors_and_without_the_internet(window, server):
-    window.wait(lambda: window.session.measures().mode != "undefined" and window.session.theory() is not None)
-    window.page.wait_for_timeout(1000)
+    window.page.locator("[data-mode='in-phase']").wait_for()
+    window.page.get_by_text("computing").first.wait_for(state="detached")
     window.screenshot("start")
     assert window.errors == []
     local = f"http://127.0.0.1:{server.port}", "data:", "blob:"
@@ -150,9 +175,12 @@ def test_mode_theory_and_cost_are_shown(window):
     window.page.locator("[data-mode='in-phase']").wait_for()
     row = window.page.locator("tr", has_text="transition frequency")
     window.wait(lambda: "Hz" in row.inner_text())
-    assert float(row.inner_text().split()[-2]) == pytest.approx(window.session.theory().transition, abs=6e-4)
+    assert float(row.inner_text().split()[-2]) == pytest.approx(window.session._theory.result.transition, abs=6e-4)
     ratio = window.page.locator("tr", has_text="cost / least cost")
     window.wait(lambda: "–" not in ratio.inner_text() and 0.9 < float(ratio.inner_text().split()[-1]) < 1.6)
+    window.enter("frequency [Hz]", 1.2)
+    window.page.locator("[data-mode='anti-phase']").wait_for()
+    window.screenshot("anti_phase")
 
 
 @pytest.mark.slow
@@ -175,28 +203,6 @@ def test_scene_and_charts_show_something(window):
         assert coloured.sum() > 10 or (image.max(axis=2) < 100).sum() > 10, "no curve"
 
 
-@pytest.mark.parametrize(
-    ("label", "name", "value"),
-    [
-        ("frequency [Hz]", "freq", 0.9),
-        ("hip stiffness", "hip_k", 60),
-        ("ankle stiffness", "ankle_k", 50),
-        ("load [kg]", "load", 4),
-        ("amplitude [m]", "amplitude", 0.06),
-        ("tolerance [m]", "tolerance", 0.035),
-    ],
-)
-@pytest.mark.slow
-def test_slider_changes_its_setting(window, label, name, value):
-    before = getattr(window.session.settings, name)
-    window.enter(label, value)
-    window.wait(lambda: getattr(window.session.settings, name) == value)
-    if name in ("hip_k", "ankle_k", "load"):
-        window.wait(lambda: float(getattr(window.session._env.sim, name)) == value)
-    window.enter(label, before)
-    window.wait(lambda: getattr(window.session.settings, name) == before)
-
-
 @pytest.mark.slow
 def test_dragging_the_frequency_slider_moves_the_target_smoothly(window):
     box = window.control("frequency [Hz]").locator("[role=slider]").bounding_box()
@@ -212,98 +218,22 @@ def test_dragging_the_frequency_slider_moves_the_target_smoothly(window):
 
 
 @pytest.mark.slow
-def test_value_typed_out_of_range_becomes_the_end_of_the_range(window):
-    window.enter("frequency [Hz]", 9)
+def test_controls_reach_the_session_and_show_its_settings(window):
+    window.enter("frequency [Hz]", 9)  # beyond the slider
     window.wait(lambda: window.session.settings.freq == window.value("frequency [Hz]") == 1.5)
-    assert window.errors == []
-
-
-@pytest.mark.slow
-def test_buttons(window):
+    window.enter("frequency [Hz]", 0.3)
+    window.wait(lambda: window.session.settings.freq == 0.3)
     window.press("ramp up")
-    window.wait(lambda: window.session.settings.freq > 0.35)
     window.wait(lambda: window.value("frequency [Hz]") > 0.33)  # the slider follows
     window.press("ramp down")
     window.wait(lambda: window.session.ramping == -1)
-    window.press("ramp down")
-    window.wait(lambda: window.session.ramping == 0)
-    window.press("push")
-    window.wait(lambda: window.session._push_steps == 0)
     window.toggle("pause")
     window.wait(lambda: window.session.paused)
-    paused_at = window.session.time
-    window.page.wait_for_timeout(400)
-    assert window.session.time == paused_at
+    window.page.get_by_text("paused").first.wait_for()
     window.toggle("pause")
-    window.wait(lambda: window.session.time > paused_at)
     window.press("reset")
     window.wait(lambda: len(window.session.history) < 100)
-
-
-@pytest.mark.parametrize(("slow", "low", "high"), [(True, 0.15, 0.27), (False, 0.7, 1.02)])
-@pytest.mark.slow
-def test_speed(window, slow, low, high):
-    """A quarter of real time in slow motion, else real time; never faster, slower on a busy machine."""
-    if slow:
-        window.toggle("slow motion")
-        window.wait(lambda: window.visitor.panel.speed == 0.25)
-    start, before = time.monotonic(), window.session.time
-    window.page.wait_for_timeout(3000)
-    factor = (window.session.time - before) / (time.monotonic() - start)
-    if slow:
-        window.toggle("slow motion")
-    assert low < factor < high
-
-
-@pytest.mark.slow
-def test_mode_switches_with_the_frequency(window):
-    window.enter("frequency [Hz]", 1.2)
-    window.page.locator("[data-mode='anti-phase']").wait_for()
-    window.page.wait_for_timeout(6000)
-    window.screenshot("anti_phase")
-    assert window.session.measures().mode == "anti-phase" and window.session.falls == 0
-
-
-@pytest.mark.slow
-def test_choosing_policies(window):
-    window.choose_policy("pretrained/hip_k-75")
+    window.control("policy").locator("input").first.click()
+    window.page.get_by_role("option", name="pretrained/hip_k-75", exact=True).click()
     window.wait(lambda: window.session.settings.hip_k == window.value("hip stiffness") == 75)
-    window.choose_policy("lqr")
-    window.wait(lambda: window.session.message == "" and window.session.time > 3)
-    window.screenshot("lqr")
-    window.choose_policy("pretrained/default")
-    assert window.errors == []
-
-
-@pytest.mark.slow
-def test_each_visitor_has_a_session_up_to_the_limit(window, browser, server):
-    other = Window(browser, server, height=400)
-    assert other.session is not window.session
-    other.enter("frequency [Hz]", 1.1)
-    other.wait(lambda: other.session.settings.freq == 1.1)
-    assert window.session.settings.freq == 0.3 == window.value("frequency [Hz]")
-    third, _, _ = new_page(browser, 800, 400)
-    third.goto(f"http://127.0.0.1:{server.port}")
-    third.get_by_text("2 visitors are connected already").wait_for()
-    third.close()
-    other.page.close()
-    window.wait(lambda: other.number not in server.visitors)
-    other.visitor.join(timeout=10)
-    assert not other.visitor.is_alive()
-
-
-@pytest.mark.slow
-def test_recording_plays_without_python(browser, tmp_path):
-    config = compose_play("record=x.html", "recording.freq=[0.7,0.75]", "recording.hold=2", "frames_per_s=10")
-    path = tmp_path / "session.html"
-    record(config, path)
-    page, errors, requests = new_page(browser, 1000, 700)
-    page.goto(path.as_uri())
-    page.locator(".mantine-Slider-root").wait_for()
-    end = time.monotonic() + TIMEOUT_S
-    while not 0.01 < blue(pixels(page.screenshot(path=SCREENSHOTS / "recording.png"))) < 0.5:  # the scene fades in
-        assert time.monotonic() < end, "the body is not visible"
-        page.wait_for_timeout(500)
-    assert errors == []
-    assert [url for url in requests if not url.startswith(("data:", "blob:", path.as_uri()))] == []
-    page.close()
+    assert window.session.policy == "pretrained/hip_k-75" and window.errors == []

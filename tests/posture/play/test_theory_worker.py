@@ -1,12 +1,14 @@
 """The least cost against the optimiser and the transition of posture.theory; requests whose arguments keep changing."""
 
 import math
+import os
 from concurrent.futures import Future
+from concurrent.futures.process import BrokenProcessPool
 
 import numpy as np
 import pytest
 
-from posture.play.theory_worker import TheoryRequest, least_cost
+from posture.play.theory_worker import TheoryRequest, TheoryWorker, least_cost
 from posture.theory.motion import joint_arrays
 from posture.theory.optimum import bound
 from posture.theory.stander import linearise
@@ -24,6 +26,16 @@ def test_least_cost_and_transition_frequency(body, config):
 
 def test_least_cost_is_nan_where_no_motion_is_feasible(body, env_config):
     assert math.isnan(least_cost(body, env_config("env.amplitude=0.6"), 0.025, np.array([0.1, 1.5])).at(1.5))
+
+
+def test_process_that_was_killed_is_replaced():
+    worker = TheoryWorker()
+    try:
+        with pytest.raises(BrokenProcessPool):
+            worker.submit(os._exit, 1).result(timeout=60)
+        assert worker.submit(math.sqrt, 4.0).result(timeout=60) == 2.0
+    finally:
+        worker.close()
 
 
 def test_one_call_at_a_time_and_the_newest_arguments_next():

@@ -1,10 +1,16 @@
 """The whole paper in one command, at tiny size: what it writes, what it skips, and which input it refuses."""
 
 import os
+import signal
+import sys
+import threading
+import time
 from pathlib import Path
 
 import pytest
 
+from posture.cli import signals
+from posture.reproduce.__main__ import run
 from posture.reproduce.ship import ship
 from posture.storage import run_dir
 from tests.commands import TINY, call, refused, table
@@ -101,3 +107,25 @@ def test_bad_input(monkeypatch, capsys, tmp_path, argument, expected):
     monkeypatch.chdir(tmp_path)
     assert expected in refused(monkeypatch, capsys, "reproduce", argument)
     assert not Path("runs").exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX only")
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP] if sys.platform != "win32" else [])
+def test_a_signal_is_passed_on_and_the_training_may_save(monkeypatch, tmp_path, number):
+    """By a program in place of a training that takes a moment to save."""
+    monkeypatch.chdir(tmp_path)
+    program = "trap 'sleep 0.3; touch saved; exit 1' TERM HUP; touch started; while true; do sleep 0.05; done"
+    Path("python").write_text(f"#!/bin/sh\n{program}\n")
+    Path("python").chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    monkeypatch.setattr(signals, "_hung_up", False)
+
+    def stop():
+        while not Path("started").exists():
+            time.sleep(0.02)
+        os.kill(os.getpid(), number)
+
+    with signals.handled(), pytest.raises(signals.Stopped) as stopped:
+        threading.Thread(target=stop, daemon=True).start()
+        run("train", [])
+    assert stopped.value.code == 128 + number and Path("saved").exists()

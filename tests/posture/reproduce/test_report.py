@@ -126,11 +126,11 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[command.Pla
         # Theory has its own tests, and takes half a minute here.
         patch.setattr(collect, "theory_transitions", lambda *_: TRANSITIONS)
         patch.setattr(collect, "_with_reward_optimum", lambda results, *_: [replace(r, reward=NO_REWARD) for r in results])
-        (job,) = check("reproduce", ReproduceConfig, ["seeds=2", "stages=[report]", "out=report"]).jobs
+        (job,) = check("reproduce", ReproduceConfig, ["stages=[report]"]).jobs
         assert isinstance(job.config, ReproduceConfig)
         plan = make_plan()
         write_all(plan)
-        command.report(plan, job.config)
+        command.report(plan, job.config, Path("report"))
         yield plan, job.config
 
 
@@ -175,7 +175,7 @@ def test_results_of_other_code_are_left_out_and_named(
     yaml_files.write_yaml(path, yaml_files.read_yaml(path) | {"training_code": "other"})
     older = Job(second.config, second.folder.with_name("seed-2_older"))
     write_training(older)
-    command.report(plan, config.model_copy(update={"out": "other"}))
+    command.report(plan, config, Path("other"))
     names = f"2 (`{older.folder}`, `{path.parent}`)"
     assert "Left out" in (warning := capsys.readouterr().err) and names in warning
     summary = Path("other/summary.md").read_text(encoding="utf-8")

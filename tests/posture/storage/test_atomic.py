@@ -1,8 +1,10 @@
 """Files that are replaced as a whole or not at all."""
 
+import os
+
 import pytest
 
-from posture.storage.atomic import replacing
+from posture.storage.atomic import clear, replacing
 
 
 def test_a_file_is_replaced_only_at_the_end(tmp_path):
@@ -17,3 +19,19 @@ def test_a_file_is_replaced_only_at_the_end(tmp_path):
         assert temporary.parent == tmp_path  # from another file system it could not be moved atomically
         assert path.read_text() == "old"
     assert path.read_text() == "new" and list(tmp_path.iterdir()) == [path]
+
+
+def test_any_name_that_the_file_system_allows(tmp_path):
+    path = tmp_path / ("x" * (os.pathconf(tmp_path, "PC_NAME_MAX") - 4) + ".txt")
+    with replacing(path) as temporary:
+        temporary.write_text("new")
+    assert path.read_text() == "new" and list(tmp_path.iterdir()) == [path]
+
+
+def test_only_temporary_files_are_cleared(tmp_path):
+    other = tmp_path / ".mine.tmp"
+    other.touch()
+    with pytest.raises(FileNotFoundError), replacing(tmp_path / "file") as temporary:
+        temporary.touch()
+        clear(tmp_path)
+        assert list(tmp_path.iterdir()) == [other]

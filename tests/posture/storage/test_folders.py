@@ -68,6 +68,30 @@ def test_a_read_only_folder_is_refused(monkeypatch, capsys):
         assert line.endswith("Permission denied")
 
 
+@pytest.mark.parametrize(
+    ("arguments", "file"),
+    [
+        (["eval", "ckpt=pretrained", "out=out"], "metrics.csv"),
+        (["eval", "policy=lqr", "evaluation.freq=[0.5]", "out=out"], "trial.yaml"),
+        (["export", "what=[trajectories]", "evaluation.freq=[0.5]", "out=out"], "trajectory_0.5Hz.csv"),
+        (["export", "what=[policy]", "out=out"], "policy.onnx"),
+        (["film", "films=[ramp]", "formats=[gif]", "out=out"], "ramp.gif"),
+        (["play", "record=out/session.html"], "session.html"),
+        (["reproduce", "out=out"], "report.html"),
+    ],
+)
+def test_a_folder_in_the_place_of_a_file_is_refused_before_the_work(monkeypatch, capsys, arguments, file):
+    (Path("out") / file).mkdir(parents=True)
+    before = tree(Path.cwd())
+    assert f"out/{file}: Is a directory" in refused(monkeypatch, capsys, *arguments)
+    assert tree(Path.cwd()) == before
+
+
+def test_a_file_name_that_is_too_long_for_the_file_system_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="cannot write the file .*: File name too long"):
+        run_dir.writable(tmp_path, "x" * 300)
+
+
 def test_an_empty_sweep_is_refused(monkeypatch, capsys):
     assert "the sweep is empty" in refused(monkeypatch, capsys, "train", "-m", *QUICK, "seed=range(1,1)")
     assert runs() == []
@@ -207,3 +231,11 @@ def test_an_interrupted_sweep_keeps_the_jobs_that_are_done():
     again = subprocess.run(sweep, check=True, capture_output=True, text=True)
     assert "sweep: 2 of 2 jobs done, 1 of them before" in again.stdout
     assert yaml.safe_load((done / "status.yaml").read_text())["state"] == "done"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there a working directory cannot be deleted")
+def test_a_deleted_working_directory(tmp_path, monkeypatch, capsys):
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert refused(monkeypatch, capsys, "train") == "error: the working directory has been deleted"

@@ -1,6 +1,8 @@
 """The digests of code change only with code that affects a result."""
 
+import os
 import shutil
+import subprocess
 
 import grimp
 import pytest
@@ -102,3 +104,69 @@ def test_the_named_packages_and_files_exist():
         assert list((ROOT / package).glob("*.py"))
     names = {path.name for package in TRAINING + ANALYSIS for path in (ROOT / package).rglob("*.py")}
     assert set(PRESENTATION) <= names
+
+
+FILE = "posture/storage/provenance.py"
+
+
+@pytest.fixture
+def commit_of(tmp_path, monkeypatch):
+    """A function: the commit that is recorded by a copy of this code whose top folder is `root`."""
+    for name in list(os.environ):
+        if name.startswith("GIT_"):
+            monkeypatch.delenv(name)
+
+    def commit_of(root):
+        (root / FILE).parent.mkdir(parents=True, exist_ok=True)
+        (root / FILE).touch()
+        monkeypatch.setattr(provenance, "ROOT", root)
+        monkeypatch.setattr(provenance, "__file__", str(root / FILE))
+        return provenance._git_commit()
+
+    return commit_of
+
+
+def git(folder, *command):
+    own = ["-c", "user.name=Someone", "-c", "user.email=someone@example.org"]
+    return subprocess.run(["git", *own, *command], cwd=folder, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def repository(folder, *files):
+    """A repository in `folder` with one commit of `files`; the commit."""
+    for file in ("README.md", *files):
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        (folder / file).touch()
+    git(folder, "init")
+    git(folder, "add", ".")
+    git(folder, "commit", "-m", "first")
+    return git(folder, "rev-parse", "HEAD")
+
+
+def test_commit_of_a_checkout_and_of_its_worktrees(tmp_path, commit_of):
+    commit = repository(tmp_path / "own", FILE)
+    git(tmp_path / "own", "tag", "-a", "v1", "-m", "a tag is not a commit")
+    git(tmp_path / "own", "worktree", "add", tmp_path / "tree")
+    assert commit_of(tmp_path / "own") == commit_of(tmp_path / "tree") == commit
+    (tmp_path / "own" / "README.md").write_text("changed")
+    assert commit_of(tmp_path / "own") == f"{commit}-dirty"
+
+
+def test_commit_of_another_repository_is_never_recorded(tmp_path, commit_of, monkeypatch):
+    repository(tmp_path, "copy/" + FILE)
+    assert commit_of(tmp_path / "copy") is None  # tracked in a subfolder
+    assert commit_of(tmp_path / "venv/lib/python3/site-packages") is None
+    assert commit_of(tmp_path) is None  # unpacked at the top
+    (tmp_path / "copy" / ".git").mkdir()
+    assert commit_of(tmp_path / "copy") is None
+    commit = repository(tmp_path / "own", FILE)
+    monkeypatch.setenv("GIT_DIR", str(tmp_path / ".git"))
+    monkeypatch.setenv("GIT_WORK_TREE", str(tmp_path))
+    monkeypatch.setenv("GIT_INDEX_FILE", str(tmp_path / ".git" / "index"))
+    assert commit_of(tmp_path / "copy") is None
+    assert commit_of(tmp_path / "own") == commit
+
+
+def test_no_commit_without_git(tmp_path, commit_of, monkeypatch):
+    repository(tmp_path, FILE)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert commit_of(tmp_path) is None
