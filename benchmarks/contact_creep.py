@@ -42,4 +42,6 @@ def creep(correct: bool, step: float, seconds: float = 30.0) -> float:
 
 if __name__ == "__main__":
     for step in (0.0083, 0.002):
-        print(f"step {1e3 * step:g} ms: foot moved {creep(False, step):.2f} mm in MuJoCo, {creep(True, step):.2f} mm with J'v")
+        print(
+            f"step {1e3 * step:g} ms: foot moved {creep(False, step):.2f} mm in MuJoCo, {creep(True, step):.2f} mm with J'v"
+        )

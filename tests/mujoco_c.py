@@ -59,7 +59,9 @@ class MujocoC:
             damping = 2.0 / (contact.solimp[1] * contact.solref[0])
             share = 1.0 - damping * self.model.opt.timestep / 2
             normal, *sliding = contact.frame.reshape(3, 3) @ self._bias(contact)
-            for row, edge in enumerate(f * side * s for f, s in zip(contact.friction, sliding) for side in (1, -1)):
+            for row, edge in enumerate(
+                f * side * s for f, s in zip(contact.friction[:2], sliding, strict=True) for side in (1, -1)
+            ):
                 self.data.efc_aref[contact.efc_address + row] -= share * (normal + edge)
 
     def _bias(self, contact):

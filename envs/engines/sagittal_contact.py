@@ -8,8 +8,8 @@ regularisation
     1 / D = 2 mu^2 (1 + mu^2) w (1 - I) / I,       w = body_invweight0 of the foot,
 
 an edge e exerts the force D max(0, -(J_e a - a_ref,e)), a_ref,e = -B J_e v - K I dist - c J_e'v, where MuJoCo's own c is 0
-(envs/engines/contact_bias.py). It can only push, and each ball's force lies in the pyramid because it is a sum over its edges. Joint limits are single such rows with
-1 / D = w_joint (1 - I) / I. The accelerations a minimise the convex
+(envs/engines/contact_bias.py). It can only push, and each ball's force lies in the pyramid because it is a sum over its
+edges. Joint limits are single such rows with 1 / D = w_joint (1 - I) / I. The accelerations a minimise the convex
 
     1/2 a'Ma - a'F + 1/2 sum_e D_e min(0, J_e a - a_ref,e)^2,        each edge counted once per foot,
 

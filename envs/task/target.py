@@ -35,7 +35,10 @@ def velocity(phase: torch.Tensor, freq: torch.Tensor, amplitude: float) -> torch
 
 
 def acceleration(phase: torch.Tensor, freq: torch.Tensor, rate: torch.Tensor, amplitude: float) -> torch.Tensor:
-    """Target acceleration along x [m/s2] at `phase` [rad], with momentary `freq` [Hz] that changes by `rate` [Hz/s]. (N,)."""
+    """Target acceleration along x [m/s2] at `phase` [rad], with momentary `freq` [Hz] that changes by `rate` [Hz/s].
+
+    Shape (N,).
+    """
     omega = 2.0 * math.pi * freq
     return amplitude * (omega**2 * torch.cos(phase) + 2.0 * math.pi * rate * torch.sin(phase))
 

@@ -6,14 +6,30 @@ import numpy as np
 import torch
 from tensordict import TensorDict
 
-from envs.body.joints import ANKLES, BODIES, FEET, HIPS
+from envs.body.joints import ANKLES, HIPS
 from envs.body.rotation import pitch
 from envs.task.head_tracking import HeadTrackingEnv
 from posture.config.eval import LqrConfig
 from posture.theory.lqr import gain, reference
 from posture.theory.motion import PeriodicMotion
 
-FOOT_BODIES = [BODIES.index(foot) for foot in FEET]
+
+def flat_foot_state(env: HeadTrackingEnv) -> tuple[torch.Tensor, torch.Tensor]:
+    """The joints as the linear stander has them, whose feet are flat: the angle of the ankle is that of the leg.
+
+    In the simulation the feet tilt a little in the soft ground. Returns angles [rad] and velocities [rad/s] of (hip, ankle),
+    shape (N, 4), and the torques of one joint [Nm], shape (N, 2), that make good what spring and damper of the tilted ankle
+    give less.
+    """
+    sim = env.sim
+    hip, ankle, hip_rate, ankle_rate = (
+        values[:, kind].mean(-1) for values in (sim.joint_angle, sim.joint_velocity) for kind in (HIPS, ANKLES)
+    )
+    tilt = pitch(sim.body_pose[:, env.FOOT_BODIES, 3:]).mean(-1)
+    tilt_rate = sim.body_velocity[:, env.FOOT_BODIES, 4].mean(-1)
+    correction = sim.ankle_k * tilt + env.config.joint_damping * tilt_rate
+    state = torch.stack((hip, ankle - tilt, hip_rate, ankle_rate - tilt_rate), dim=-1)
+    return state, torch.stack((torch.zeros_like(correction), correction), dim=-1)
 
 
 class LqrController:
@@ -41,14 +57,7 @@ class LqrController:
     def __call__(self, _observation: TensorDict) -> torch.Tensor:
         """Action of every world at the present moment of its episode."""
         step = self._env.episode_length_buf.clamp(max=self._state.shape[1] - 1)
-        sim = self._env.sim
-        kinds = [x[:, kind].mean(-1) for x in (sim.joint_angle, sim.joint_velocity) for kind in (HIPS, ANKLES)]
-        tilt = pitch(sim.body_pose[:, FOOT_BODIES, 3:]).mean(-1)
-        turn = sim.body_velocity[:, FOOT_BODIES, 4].mean(-1)
-        kinds[1] -= tilt
-        kinds[3] -= turn
-        deviation = torch.stack(kinds, dim=-1) - self._state[self._worlds, step]
-        feedforward = self._torque[self._worlds, step].clone()
-        feedforward[:, 1] += sim.ankle_k * tilt + self._env.config.joint_damping * turn
-        torque = feedforward - (self._gain @ deviation[..., None])[..., 0]
+        state, correction = flat_foot_state(self._env)
+        deviation = state - self._state[self._worlds, step]
+        torque = self._torque[self._worlds, step] + correction - (self._gain @ deviation[..., None])[..., 0]
         return torque / self._env.config.torque_limit

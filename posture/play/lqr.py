@@ -11,11 +11,11 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from envs.body.joints import ANKLES, HIPS
 from envs.body.segments import Segments
 from envs.config import EnvConfig
 from posture.analysis.trajectory import Array
 from posture.config.eval import LqrConfig
+from posture.evaluation.lqr_policy import flat_foot_state
 from posture.play.environment import PlayEnv, Settings
 from posture.play.theory_worker import Coefficients, TheoryRequest, TheoryWorker
 from posture.theory import lqr
@@ -53,13 +53,10 @@ class ReplanningLqr:
         """See `Controller`."""
         self._update_plan(env, settings)
         self._approach_plan(env.config.control_dt)
-        angle, velocity = env.sim.joint_angle[0], env.sim.joint_velocity[0]
-        measured = np.array([float(x[kind].mean()) for x in (angle, velocity) for kind in (HIPS, ANKLES)])
-        drift = env.foot_drift
+        measured, correction = (values[0].double().numpy() for values in flat_foot_state(env))
         deviation = measured - np.concatenate(self._reference(env.phase, settings.freq)[:2])
-        deviation[:2] += drift * self._lean_angle
         mid_step = env.phase + np.pi * settings.freq * env.config.control_dt
-        torque = self._torque(*self._reference(mid_step, settings.freq)) - drift * self._lean_torque - self._gain @ deviation
+        torque = self._torque(*self._reference(mid_step, settings.freq)) + correction - self._gain @ deviation
         return torch.tensor(torque / env.config.torque_limit, dtype=torch.float32)[None]
 
     def _update_plan(self, env: PlayEnv, settings: Settings) -> None:
@@ -69,7 +66,6 @@ class ReplanningLqr:
             self._planned_for = settings.without_freq
             self._stander = linearise(self._body, config)
             self._gain = lqr.gain(self._stander, config.control_dt, self._config)
-            self._lean_angle, self._lean_torque = lqr.lean(self._stander)
         freq = FREQ_GRID_HZ * max(1, round(settings.freq / FREQ_GRID_HZ))
         arguments = self._body, config, freq, settings.tolerance, self._config
         ready = self._request.ready((settings.without_freq, freq), *arguments)

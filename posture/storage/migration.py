@@ -3,13 +3,14 @@
 config.yaml has a `version`; files without one are of version 1. A change of the keys raises VERSION and adds a function.
 """
 
+import contextlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from posture.config.errors import ConfigError
 
-VERSION = 2
+VERSION = 3
 
 
 def upgrade(values: dict[str, Any], file: Path) -> dict[str, Any]:
@@ -35,5 +36,13 @@ def _from_1(values: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in values.items() if key != "paper"}
 
 
-UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _from_1}
+def _from_2(values: dict[str, Any]) -> dict[str, Any]:
+    """Contacts were MuJoCo's, and the noise of actions had one floor throughout the training."""
+    with contextlib.suppress(KeyError, TypeError):  # the check of the upgraded values reports what is wrong
+        values["env"]["solver"].setdefault("contact_bias", False)
+        values["agent"].setdefault("refinement", None)
+    return values
+
+
+UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _from_1, 2: _from_2}
 """By version, the function that gives the version after it."""

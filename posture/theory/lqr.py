@@ -9,8 +9,8 @@ where tau_ref is the torque that the linear stander needs for the reference, and
 control steps of z' Q z + tau' R tau for the linear stander with torques held constant over a step. Q and R are diagonal, one
 over the squares of deviations that count as equally large (Bryson's rule); these are in conf/lqr.yaml.
 
-Soft contact lets the feet creep, by half a millimetre a second or more at 1.5 Hz. The body compensates by leaning the other
-way: z_ref and tau_ref are shifted along the static posture that moves the head with the least torque.
+The angle of the ankle is that of the leg against the vertical: in the soft ground the feet tilt a little
+(`posture.evaluation.lqr_policy.flat_foot_state`).
 """
 
 from dataclasses import replace
@@ -21,7 +21,7 @@ import scipy.linalg
 from posture.analysis.trajectory import Array
 from posture.config.eval import LqrConfig
 from posture.theory.motion import PeriodicMotion
-from posture.theory.optimum import bound, sinusoid
+from posture.theory.optimum import bound
 from posture.theory.stander import JOINTS_OF_A_KIND, Stander
 
 
@@ -62,11 +62,3 @@ def reference(motion: PeriodicMotion, time: Array, fade_in: float) -> tuple[Arra
     plant = motion.stander
     moment = acceleration @ plant.mass.T + velocity @ plant.damping.T + angle @ plant.stiffness.T + plant.offset
     return angle, velocity, moment / JOINTS_OF_A_KIND
-
-
-def lean(stander: Stander) -> tuple[Array, Array]:
-    """Angles of (hip, ankle) [rad/m] and torques of one joint [Nm/m] by which the head is held further forward, still, with
-    the least torque, per metre. Shapes (2,)."""
-    still = np.zeros(1)
-    here, ahead = (sinusoid(stander, 1.0, 0.0, offset) for offset in (0.0, 1.0))
-    return (ahead.angle(still) - here.angle(still))[0], (ahead.torque(still) - here.torque(still))[0]

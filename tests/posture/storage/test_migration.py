@@ -46,6 +46,15 @@ def test_version_1_has_schedules_in_control_steps(run):
     assert read_config(run) == expected
 
 
+def test_version_2_has_the_contacts_of_mujoco_and_no_refinement(run):
+    values = yaml.safe_load((run / "config.yaml").read_text())
+    values["env"]["solver"].pop("contact_bias")
+    values["agent"].pop("refinement")
+    rewrite(run, version=2, env=values["env"], agent=values["agent"])
+    config = read_config(run)
+    assert config.env.solver.contact_bias is False and config.agent.refinement is None
+
+
 def test_a_version_1_schedule_may_be_longer_than_its_training(run):
     env = yaml.safe_load((run / "config.yaml").read_text())["env"]
     env["reward"]["stay_weight"] = {"start": 5.5, "end": 1.5, "steps": 24000}  # of 2 iterations of 4 steps
