@@ -7,6 +7,9 @@ import sys
 import time
 from collections.abc import Iterator
 
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM) if sys.platform == "win32" else (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+"""Signals that ask a process to stop. SIGHUP: its terminal was closed or its connection dropped."""
+
 
 @contextlib.contextmanager
 def block_signals(signals: tuple[signal.Signals, ...]) -> Iterator[None]:

@@ -12,7 +12,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -31,7 +30,7 @@ from posture.drawing.style import (
     MODE_COLOUR,
     ORANGE,
     RED,
-    STYLE,
+    styled,
 )
 
 SHOWN_CYCLES = 3  # at the end of the trial, in figures over time
@@ -52,7 +51,7 @@ def draw_all(
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    with matplotlib.rc_context(STYLE):
+    with styled():
         drawn = {
             "head_target": fig_head_target(trajectory, rows),
             "joint_angles": fig_joint_angles(trajectory, rows),

@@ -4,7 +4,7 @@ import importlib
 import importlib.metadata
 import sys
 
-from posture.cli import signals
+from posture.cli import output, signals
 
 COMMANDS = {
     "train": "train a policy, then evaluate it",
@@ -20,6 +20,7 @@ USAGE = "usage: posture COMMAND [KEY=VALUE ...]     settings of a command: postu
 
 def main() -> None:
     """Run `posture COMMAND ...` as `python -m posture.COMMAND ...`; without a command list them all."""
+    output.install()
     name = sys.argv[1] if len(sys.argv) > 1 else "--help"
     if name in ("--help", "-h"):
         print(USAGE, *(f"  {command:<10} {about}" for command, about in COMMANDS.items()), sep="\n")

@@ -22,7 +22,7 @@ from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBase
 from pydantic import BaseModel
 
 from envs.config import ConstraintOverflowError
-from posture.cli import jobs, signals, sweep
+from posture.cli import jobs, output, signals, sweep
 from posture.config import torchrun
 from posture.config.errors import ConfigError, RunError
 from posture.config.published import CONF
@@ -39,10 +39,14 @@ def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> 
     """Run a command: `task(config, folder)` for each job of the command line, `folder` being the job's own.
 
     The configuration is conf/`name`.yaml with the command line's overrides, checked as `kind`. Exits with 2 on bad input,
-    with 1 if a job failed at run time, and with 130 or 143 if SIGINT or SIGTERM stopped it.
+    with 1 if a job failed at run time, and with 128 + its number if a signal stopped it. Output that fails never ends the
+    work.
     """
+    output.install()
     # Hydra would otherwise print a task's errors itself and exit with 1.
     os.environ["HYDRA_FULL_ERROR"] = "1"
+    # Figures go to files only. A notebook names a backend that its own kernel has and this Python may not.
+    os.environ["MPLBACKEND"] = "agg"
     # The processes of a parallel sweep cannot import a function of __main__.
     if task.__module__ == "__main__":
         spec = sys.modules["__main__"].__spec__
@@ -113,6 +117,7 @@ def _run_sweep(
     numbers = {} if parallel else {os.path.abspath(job.folder): number for number, job in enumerate(command.jobs, 1)}
 
     def run_job(composed: DictConfig) -> None:
+        output.install()  # a launcher may run jobs in processes of its own
         folder = Path(HydraConfig.get().runtime.output_dir)
         if str(folder) in numbers:
             print(f"== job {numbers[str(folder)]} of {len(numbers)}, {folder.name}", flush=True)

@@ -1,6 +1,7 @@
-"""SIGINT (Ctrl-C) and SIGTERM: a training finishes its iteration and saves, everything else ends immediately.
+"""SIGINT (Ctrl-C), SIGTERM and SIGHUP (a closed terminal): a training finishes its iteration and saves, everything else ends
+immediately.
 
-The exit code is 130 or 143.
+The exit code is 130, 143 or 129.
 """
 
 import contextlib
@@ -12,8 +13,9 @@ from types import FrameType
 
 from posture import operating_system
 
-NUMBERS = (signal.SIGINT, signal.SIGTERM)
+NUMBERS = operating_system.STOP_SIGNALS
 _pending = 0
+_hung_up = False
 _deferring = False
 
 
@@ -26,7 +28,7 @@ class Stopped(SystemExit):
 
 @contextlib.contextmanager
 def handled() -> Iterator[None]:
-    """In this context either signal raises `Stopped`, unless this process was started with the signal ignored."""
+    """In this context each of these signals raises `Stopped`, unless this process was started with the signal ignored."""
     if threading.current_thread() is not threading.main_thread():
         yield  # only the main thread may install handlers
         return
@@ -63,15 +65,20 @@ def pending() -> int:
 
 @contextlib.contextmanager
 def blocked() -> Iterator[None]:
-    """In this context both signals are held back until its end. Processes started in it never receive them."""
+    """In this context the signals are held back until its end. Processes started in it never receive them."""
     with operating_system.block_signals(NUMBERS):
         yield
 
 
 def _handle(number: int, frame: FrameType | None) -> None:
-    global _pending
+    global _pending, _hung_up
+    if number not in (signal.SIGINT, signal.SIGTERM):
+        # A closed terminal sends SIGHUP more than once, from the kernel and the shell; a session that ends, after SIGTERM.
+        if _hung_up or _pending:
+            return
+        _hung_up = True
     if not _deferring or _pending:
         raise Stopped(number)
     _pending = number
-    # Not print, which the signal may have interrupted.
-    os.write(2, b"\nwill stop after this iteration and save; a second signal stops at once\n")
+    with contextlib.suppress(OSError):  # not print, which the signal may have interrupted
+        os.write(2, b"\nwill stop after this iteration and save; a second signal stops at once\n")

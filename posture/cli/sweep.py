@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from posture.cli import output
 from posture.cli.jobs import Job
 from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
@@ -40,7 +41,7 @@ def run_job(task: Callable[[], None], folder: Path, to_log: bool) -> None:
             yaml_files.write_yaml(folder / "status.yaml", {"state": "running", "began": began})
         (folder / "error.txt").unlink(missing_ok=True)
         if to_log:
-            log = stack.enter_context((folder / "log.txt").open("a", encoding="utf-8", buffering=1))
+            log = stack.enter_context(output.log_file(folder / "log.txt"))
             stack.enter_context(contextlib.redirect_stdout(log))
             stack.enter_context(contextlib.redirect_stderr(log))
         outcome = {"state": "done", "began": began}

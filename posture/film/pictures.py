@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -21,7 +20,7 @@ from posture.analysis.coordination import mode
 from posture.analysis.ramp import ramp_transition
 from posture.analysis.trajectory import Array
 from posture.drawing.silhouette import DOT_RADIUS, draw_body, draw_ground, draw_phases, draw_target, head_position
-from posture.drawing.style import ANKLE_COLOUR, BLUE, FALL_COLOUR, GREY, HIP_COLOUR, MODE_COLOUR, RED, STYLE
+from posture.drawing.style import ANKLE_COLOUR, BLUE, FALL_COLOUR, GREY, HIP_COLOUR, MODE_COLOUR, RED, styled
 from posture.film.sampling import SampledTrial
 from posture.film.video import Frame
 
@@ -45,7 +44,8 @@ class Film(Sequence[Frame]):
         dpi = width / PANEL_IN
         height = 2 * round(height_in * dpi / 2)  # even, which H.264 requires
         # 0.01 px more: the canvas truncates sizes to whole pixels.
-        self.figure = Figure(figsize=((width * panels + 0.01) / dpi, (height + 0.01) / dpi), dpi=dpi)
+        with styled():
+            self.figure = Figure(figsize=((width * panels + 0.01) / dpi, (height + 0.01) / dpi), dpi=dpi)
         self.canvas = FigureCanvasAgg(self.figure)
         self.time = time
         self.moving: list[Artist] = []
@@ -66,15 +66,16 @@ class Film(Sequence[Frame]):
     def __getitem__(self, i: Any) -> Any:
         if not 0 <= i < len(self):
             raise IndexError(i)
-        if self._background is None:
+        with styled():
+            if self._background is None:
+                for artist in self.moving:
+                    artist.set_animated(True)
+                self.canvas.draw()
+                self._background = self.canvas.copy_from_bbox(self.figure.bbox)
+            self.canvas.restore_region(self._background)
+            self.show(i)
             for artist in self.moving:
-                artist.set_animated(True)
-            self.canvas.draw()
-            self._background = self.canvas.copy_from_bbox(self.figure.bbox)
-        self.canvas.restore_region(self._background)
-        self.show(i)
-        for artist in self.moving:
-            self.figure.draw_artist(artist)
+                self.figure.draw_artist(artist)
         return np.array(self.canvas.buffer_rgba())[..., :3].copy()
 
 
@@ -115,7 +116,7 @@ class TwoModesFilm(Film):
         included. `width` [px] of a panel; `target_height` [m]; the targets move between 0 and `reach` [m]."""
         super().__init__(width, len(motions), HEIGHT_TWO_MODES, motions[0].time)
         self.panels: list[tuple[SampledTrial, StanderView, Text, Line2D, list[Line2D]]] = []
-        with rc_context(STYLE):
+        with styled():
             for number, (motion, cycle) in enumerate(zip(motions, cycles, strict=True)):
                 self._add(number / len(motions), 1 / len(motions), motion, cycle, target_height, reach)
 
@@ -174,7 +175,7 @@ class RampFilm(Film):
         correlation changes sign [Hz]. See `TwoModesFilm`."""
         super().__init__(width, 2, HEIGHT_RAMP, motion.time)
         self._motion, self._trailing, self._trace, self._half = motion, trailing, trace, window / 2
-        with rc_context(STYLE):
+        with styled():
             fig = self.figure
             self.view = StanderView(fig.add_axes((0.02, 0.37, 0.26, 0.61)), motion, target_height, reach)
             self._freq = fig.text(0.34, 0.92, "", fontsize=LARGE, fontweight="bold")

@@ -82,7 +82,8 @@ def worker_processes(processes: int, device: str, work: Callable[..., None], *ar
             for number in range(1, processes)
         ]
         try:
-            resource_tracker.ensure_running()  # started together with the first worker, it would unblock signals
+            with signals.blocked():  # else SIGHUP would end it
+                resource_tracker.ensure_running()  # started together with the first worker, it would unblock signals
             with signals.blocked():
                 for worker in workers:
                     worker.start()

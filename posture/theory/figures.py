@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -18,7 +17,7 @@ from envs.body.joints import ANKLE, HIP
 from envs.body.segments import Segments
 from posture.config.published import read_published
 from posture.config.theory import TheoryConfig
-from posture.drawing.style import GREY, MODE_COLOUR, STYLE
+from posture.drawing.style import GREY, MODE_COLOUR, styled
 from posture.theory.motion import PeriodicMotion
 from posture.theory.optimum import cheapest_sinusoid
 from posture.theory.stander import linearise
@@ -39,7 +38,7 @@ def draw_map(body: Segments, config: TheoryConfig, tables: TheoryTables, path: P
     highest frequency of Exp. 1, with the transition frequencies [Hz], at which the ankle does not move. Right: the
     transition against each other parameter.
     """
-    with matplotlib.rc_context(STYLE):
+    with styled():
         fig = Figure(figsize=(9.0, 5.2), layout="constrained")
         FigureCanvasAgg(fig)
         left, right = fig.subfigures(1, 2, width_ratios=(1.45, 1.0))

@@ -9,7 +9,6 @@ from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -20,12 +19,12 @@ from matplotlib.patches import Patch
 from posture.analysis.results import Result
 from posture.analysis.statistics import bootstrap_mean
 from posture.analysis.trajectory import Array
-from posture.drawing.style import FALL_COLOUR, MODE_COLOUR, STYLE
+from posture.drawing.style import FALL_COLOUR, MODE_COLOUR, styled
 from posture.reproduce.claims.seed_means import group_by
 from posture.reproduce.quantities import Getter, Variable
 
 # Larger than in the figures of one evaluation: on a phone they are 360 pixels wide.
-REPORT_STYLE = {**STYLE, "font.size": 11, "axes.titlesize": 11, "legend.fontsize": 10}
+REPORT_STYLE = {"font.size": 11, "axes.titlesize": 11, "legend.fontsize": 10}
 WIDTH = 6.5  # [inch]
 
 MEAN_LABEL, SEED_LABEL, BAND_LABEL, FALL_LABEL = "mean of the seeds", "a seed", "95 % interval of the mean", "n/N seeds fell"
@@ -38,7 +37,7 @@ REWARD: Mapping[str, Any] = {"ls": "-.", "lw": 1.3, "zorder": 2.5}
 @contextmanager
 def report_figure(height: float, path: Path | None = None) -> Iterator[Figure]:
     """A figure `height` inches high in the report's style, written to `path` at the end if there is one."""
-    with matplotlib.rc_context(REPORT_STYLE):
+    with styled(**REPORT_STYLE):
         fig = Figure(figsize=(WIDTH, height), layout="constrained")
         FigureCanvasAgg(fig)
         yield fig

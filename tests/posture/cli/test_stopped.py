@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from posture.cli import signals
 from posture.cli.sweep import status
 from posture.learning.resume import iterations_done
 from posture.storage import atomic, checkpoint, run_dir
@@ -41,7 +42,8 @@ def started(*arguments):
     finally:
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
+        if not process.stdout.closed:
+            process.communicate()
 
 
 def wait_for(condition, process):
@@ -114,6 +116,33 @@ def stop_and_resume(monkeypatch, number, processes, to_all):
 
 def test_a_signal_ends_the_iteration_and_saves(monkeypatch):
     stop_and_resume(monkeypatch, signal.SIGTERM, 1, to_all=False)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX only")
+@pytest.mark.parametrize("processes", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_closed_terminal_ends_the_iteration_and_saves(processes):
+    """It sends SIGHUP to all processes, more than once, and its output is gone."""
+    with started(*PLAIN, f"processes={processes}", RARE, FOREVER, "hydra.run.dir=hung_up") as process:
+        wait_for(lambda: list(Path("hung_up").glob("events.out.*")), process)
+        process.stdout.close()
+        process.stderr.close()
+        for _ in range(3):
+            os.killpg(process.pid, signal.SIGHUP)
+            time.sleep(0.01)
+        assert process.wait(LIMIT_S) == 129
+    (model,) = Path("hung_up").glob("model_*.pt")
+    assert iterations_done(Path("hung_up")) == run_dir.iteration_of(model) and not is_busy(Path("hung_up"))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX only")
+def test_under_nohup_a_closed_terminal_changes_nothing():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with signals.deferred():
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert not signals.pending()
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 @pytest.mark.slow
