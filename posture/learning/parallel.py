@@ -58,9 +58,13 @@ def worker_processes(processes: int, device: str, work: Callable[..., None], *ar
     process decides what to do, and the workers end when it ends.
     """
     if torchrun.place():
-        if device == "cpu":
-            dist.init_process_group(BACKEND)
-        yield
+        try:
+            if device == "cpu":
+                dist.init_process_group(BACKEND)
+            yield
+        except dist.DistError as error:
+            address = f"{os.environ['MASTER_ADDR']}:{os.environ['MASTER_PORT']}"
+            raise RunError(f"the connection of the processes at {address} failed: {one_line(error):.300}") from None
         if dist.is_initialized():
             dist.destroy_process_group()
         return

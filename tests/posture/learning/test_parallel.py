@@ -4,6 +4,7 @@ import multiprocessing
 import os
 import resource
 import signal
+import socket
 import sys
 import tempfile
 import threading
@@ -100,6 +101,19 @@ def test_worker_that_fails_is_an_error(how, message):
     with pytest.raises(RunError, match=message), parallel.worker_processes(2, "cpu", fail, how):
         if how != "exit code 3":
             dist.all_reduce(torch.zeros(1))
+
+
+def test_processes_that_cannot_connect_are_an_error(monkeypatch):
+    """The first of two that torchrun would have started, at a port that is in use."""
+    with socket.create_server(("localhost", 0)) as taken:
+        port = taken.getsockname()[1]
+        for name, value in zip(torchrun.VARIABLES, ("0", "2", "0", "localhost", str(port)), strict=True):
+            monkeypatch.setenv(name, value)
+        with (
+            pytest.raises(RunError, match=f"the connection of the processes at localhost:{port} failed: .*address already"),
+            parallel.worker_processes(2, "cpu", fail, "killed"),
+        ):
+            pass
 
 
 def work_on():
