@@ -13,9 +13,10 @@ import numpy as np
 FOOT = """<geom type="capsule" fromto="-.4 .2 -.05 .9 .2 -.05" size=".02" mass="2"/>
 <geom type="capsule" fromto="-.4 -.2 -.05 .9 -.2 -.05" size=".02" mass="2"/>"""
 POLE = '<geom type="sphere" size=".1" mass="40"/>'
-MODEL = """<mujoco><option timestep="{step}"/><worldbody><geom type="plane" size="9 9 1"/><body name="{root}" pos="0 0 {z}">
-<freejoint/>{first}<body name="{child}" pos="0 0 {below}"><joint pos="{pivot}" axis="0 {axis} 0" stiffness="4000" damping="100" armature=".05"/>{second}</body>
-</body></worldbody></mujoco>"""
+MODEL = """<mujoco><option timestep="{step}"/><worldbody><geom type="plane" size="9 9 1"/>
+<body name="{root}" pos="0 0 {z}"><freejoint/>{first}<body name="{child}" pos="0 0 {below}">
+<joint pos="{pivot}" axis="0 {axis} 0" stiffness="4000" damping="100" armature=".05"/>{second}</body></body>
+</worldbody></mujoco>"""
 LEAN, SWING, FREQ = 0.3, 0.2, 0.5  # [rad], [rad], [Hz]
 
 
@@ -49,5 +50,5 @@ if __name__ == "__main__":
     for step in (0.004, 0.002, 0.001):
         moved = [creep(*case, step) for case in (("pole", False), ("foot", False), ("pole", True))]
         print(
-            f"step {1e3 * step:g} ms, foot moved [mm]: root pole {moved[0]:.2f}, foot {moved[1]:.2f}, pole with J'v {moved[2]:.2f}"
+            f"step {1e3 * step:g} ms: root pole {moved[0]:.2f} mm, root foot {moved[1]:.2f} mm, pole with J'v {moved[2]:.2f} mm"
         )
