@@ -49,6 +49,4 @@ def creep(root: str, correct: bool, step: float) -> float:
 if __name__ == "__main__":
     for step in (0.004, 0.002, 0.001):
         moved = [creep(*case, step) for case in (("pole", False), ("foot", False), ("pole", True))]
-        print(
-            f"step {1e3 * step:g} ms: root pole {moved[0]:.2f} mm, root foot {moved[1]:.2f} mm, pole with J'v {moved[2]:.2f} mm"
-        )
+        print(f"step {1e3 * step:g} ms, root {moved[0]:.2f} mm, foot {moved[1]:.2f} mm, pole with J'v {moved[2]:.2f} mm")

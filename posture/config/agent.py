@@ -65,14 +65,6 @@ class ActorConfig(CriticConfig):
     distribution_cfg: DistributionConfig
 
 
-class RefinementConfig(Strict):
-    """The last part of a training, with less noise and larger mini-batches; see posture/learning/learner.py."""
-
-    begin: Annotated[float, Field(ge=0, le=1)]
-    num_mini_batches: Annotated[int, Field(ge=1, le=1_000_000)]
-    std_floor: Annotated[float, Field(ge=1e-6, le=1e6)]
-
-
 class AgentConfig(Strict):
     """Configuration of rsl-rl's OnPolicyRunner."""
 
@@ -82,4 +74,3 @@ class AgentConfig(Strict):
     algorithm: AlgorithmConfig
     actor: ActorConfig
     critic: CriticConfig
-    refinement: RefinementConfig | None

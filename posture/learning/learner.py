@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import math
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -31,8 +30,6 @@ class Learner(OnPolicyRunner):
     def __init__(self, env: HeadTrackingEnv, agent: AgentConfig, folder: Path, device: str) -> None:
         config = agent.model_dump(mode="json")
         config["logger"] = "tensorboard"
-        del config["refinement"]  # rsl-rl has no such key
-        self._refinement, self._std_floor = agent.refinement, agent.actor.distribution_cfg.std_range[0]
         config["algorithm"]["class_name"] = "posture.learning.ppo:LeanPPO"
         # rsl-rl would save after iterations 1, 51, ...; `save` is called after each, and keeps 50, 100, ... and the last.
         config["save_interval"] = 1
@@ -63,7 +60,6 @@ class Learner(OnPolicyRunner):
         """
         self._total, self._done = total_iterations, self.current_learning_iteration
         self.logger.iterations_done = self._done
-        self._refine()
         try:
             with signals.deferred():
                 self.learn(total_iterations - self._done)
@@ -85,29 +81,10 @@ class Learner(OnPolicyRunner):
         stop = parallel.any_process(bool(signals.pending()), self.device)
         if stop or done % self._save_interval == 0 or done == self._total:
             self._save(done, infos)
-        self._refine()
         if stop:
             if parallel.rank() == 0:
                 print(f"stopped after iteration {done}: saved in {self.folder}; resume continues from there", flush=True)
             raise signals.Stopped(signals.pending() or signal.SIGTERM)
-
-    def _refine(self) -> None:
-        """Apply `agent.refinement` to the next iteration.
-
-        From the share `begin` of the training on, mini-batches are larger, and the floor under the standard deviation of the
-        actions falls geometrically, to `std_floor` at the end.
-        """
-        refinement, total = self._refinement, self.env.training_steps
-        if refinement is None or total is None:
-            return
-        share = self._done * self.cfg["num_steps_per_env"] / total
-        if share < refinement.begin:
-            return
-        self.alg.num_mini_batches = refinement.num_mini_batches
-        progress = min((share - refinement.begin) / max(1.0 - refinement.begin, 1e-9), 1.0)
-        floor = self._std_floor ** (1.0 - progress) * refinement.std_floor**progress
-        distribution = self.alg.actor.distribution
-        distribution.std_range[0], distribution.log_std_range[0] = floor, math.log(floor)
 
     def _save(self, done: int, infos: dict[str, Any] | None) -> None:
         """Write model_<done>.pt, and resume.pt with everything else that an exact resume needs."""

@@ -37,10 +37,9 @@ def _from_1(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _from_2(values: dict[str, Any]) -> dict[str, Any]:
-    """Contacts were MuJoCo's, and the noise of actions had one floor throughout the training."""
+    """Contacts were MuJoCo's."""
     with contextlib.suppress(KeyError, TypeError):  # the check of the upgraded values reports what is wrong
         values["env"]["solver"].setdefault("contact_bias", False)
-        values["agent"].setdefault("refinement", None)
     return values
 
 

@@ -1,5 +1,8 @@
 """Feet under a swinging body: how they creep in MuJoCo's contacts, and that they stay with the bias acceleration."""
 
+import runpy
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -67,3 +70,11 @@ def test_share_by_hand(config):
     assert stiffness_and_damping(solref, solimp, 0.0083) == pytest.approx((2770.08, 105.263), rel=1e-5)
     assert stiffness_and_damping(np.array([-900.0, -60.0]), solimp, 0.0083) == pytest.approx((900 / 0.95**2, 60 / 0.95))
     assert friction == config.friction
+
+
+def test_creep_depends_on_the_root_of_the_tree_but_for_the_bias_acceleration():
+    """A foot under a swinging pole. Mechanics does not depend on the coordinates; the creep in MuJoCo's contacts does."""
+    creep_of_foot = runpy.run_path(str(Path(__file__).parents[3] / "benchmarks" / "contact_creep.py"))["creep"]
+    pole, foot, corrected = (creep_of_foot(*case, 0.004) for case in (("pole", False), ("foot", False), ("pole", True)))
+    assert pole - foot > 10.0
+    assert corrected == pytest.approx(foot, abs=0.02)

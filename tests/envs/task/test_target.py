@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from envs.config import Ramp
-from envs.task.target import FrequencySource, LengthSource, frequency, phase, position, uniform, velocity
+from envs.task.target import FrequencySource, LengthSource, acceleration, frequency, phase, position, uniform, velocity
 
 
 def at(time, freq, rate=0.0, duration=0.0):
@@ -29,7 +29,8 @@ def test_starts_at_rest_and_reaches_twice_the_amplitude():
 
 @given(st.floats(0.0, 40.0), st.floats(0.0, 2.0), st.floats(-0.02, 0.1), st.floats(0.1, 30.0))
 def test_derivatives(time, freq, rate, duration):
-    """Frequency is the slope of the phase and velocity that of the position, by central differences."""
+    """Frequency is the slope of the phase, velocity that of the position, acceleration that of the velocity, by central
+    differences."""
     h = 1e-5
     assume(abs(time - duration) >= 2 * h)  # the ramp's end is a kink
     before, after = (phase(*at(time + d, freq, rate, duration)) for d in (-h, h))
@@ -37,6 +38,12 @@ def test_derivatives(time, freq, rate, duration):
     assert float((after - before) / (2 * h) / (2 * math.pi)) == pytest.approx(float(now), abs=1e-5)
     slope = (position(after, 0.1) - position(before, 0.1)) / (2 * h)
     assert float(slope) == pytest.approx(float(velocity(phase(*at(time, freq, rate, duration)), now, 0.1)), abs=1e-4)
+    rates = [frequency(*at(time + d, freq, rate, duration)) for d in (-h, h)]
+    speeds = [velocity(place, rate_now, 0.1) for place, rate_now in zip((before, after), rates, strict=True)]
+    slope = (speeds[1] - speeds[0]) / (2 * h)
+    changing = torch.tensor([rate if time < duration else 0.0])
+    now = acceleration(phase(*at(time, freq, rate, duration)), now, changing, 0.1)
+    assert float(slope) == pytest.approx(float(now), rel=1e-4, abs=1e-4)
 
 
 def test_ramp_of_experiment_4a():

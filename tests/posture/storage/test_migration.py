@@ -46,13 +46,11 @@ def test_version_1_has_schedules_in_control_steps(run):
     assert read_config(run) == expected
 
 
-def test_version_2_has_the_contacts_of_mujoco_and_no_refinement(run):
+def test_version_2_has_the_contacts_of_mujoco(run):
     values = yaml.safe_load((run / "config.yaml").read_text())
     values["env"]["solver"].pop("contact_bias")
-    values["agent"].pop("refinement")
-    rewrite(run, version=2, env=values["env"], agent=values["agent"])
-    config = read_config(run)
-    assert config.env.solver.contact_bias is False and config.agent.refinement is None
+    rewrite(run, version=2, env=values["env"])
+    assert read_config(run).env.solver.contact_bias is False
 
 
 def test_a_version_1_schedule_may_be_longer_than_its_training(run):
