@@ -9,7 +9,7 @@ import importlib
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
@@ -27,7 +27,8 @@ from posture.config import torchrun
 from posture.config.errors import ConfigError, RunError
 from posture.config.published import CONF
 from posture.config.reading import read
-from posture.storage import kernel_cache
+from posture.storage import kernel_cache, run_dir
+from posture.storage.lock import locked
 
 Config = TypeVar("Config", bound=BaseModel)
 
@@ -61,7 +62,7 @@ def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> 
                 _check_processes(name, command)
             with kernel_cache.writable() if command.jobs else contextlib.nullcontext():
                 if command.launcher is None:
-                    with _removed_if_empty(command.jobs):
+                    with run_dir.removed_if_empty(*(job.folder for job in command.jobs)):
                         _start(command, lambda composed: _run_single(kind, task, composed))
                     return
                 progress = sweep.SweepProgress(command.jobs)
@@ -114,24 +115,13 @@ def one_line(error: Exception) -> str:
 def _run_single(kind: type[Config], task: Callable[[Config, Path], None], composed: DictConfig) -> None:
     folder = Path(HydraConfig.get().runtime.output_dir)
     try:
-        task(read(kind, jobs.plain(composed)), folder)
+        with locked(folder) if has_folder() else contextlib.nullcontext():
+            task(read(kind, jobs.plain(composed)), folder)
     except ConfigError as error:
         _refuse(error)  # not further up, because Hydra adds its own lines
     except FAILURES as error:
         print(f"error: {one_line(error)}", file=sys.stderr)
         sys.exit(1)
-
-
-@contextlib.contextmanager
-def _removed_if_empty(own: Sequence[jobs.Job]) -> Iterator[None]:
-    """At the end of this context remove the folders that it created for jobs which wrote nothing."""
-    missing = [folder for job in own for folder in (job.folder, *job.folder.parents) if not folder.exists()]
-    try:
-        yield
-    finally:
-        with contextlib.suppress(OSError):
-            for folder in missing:
-                folder.rmdir()
 
 
 def _run_sweep(

@@ -1,7 +1,9 @@
 """The evaluation of a policy: from a checkpoint to trajectories, results, table and figures."""
 
+import contextlib
 import hashlib
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +31,7 @@ from posture.learning.networks import load_policy
 from posture.learning.progress import preparing
 from posture.storage import checkpoint, provenance, run_dir, yaml_files
 from posture.storage.atomic import replacing
+from posture.storage.lock import locked
 from posture.theory.lqr import plan
 from posture.theory.prediction import predict
 from posture.theory.program import InfeasibleError
@@ -60,15 +63,24 @@ def evaluate(
     With `again` false, results of the same policy, code and conditions in `out` are read instead.
     """
     checkpoint.load(model, device)  # a damaged file is refused before anything is written
-    run_dir.writable(out, *FILES)
     trial = trial_config(run.env, evaluation, changes, device)
-    if not again and is_current(out, model, run, evaluation, changes, device):
-        rows = read_csv(out / "metrics.csv")
-        print(text_table(rows, evaluation_columns(rows, comparable_table_3(trial))))
-        print(f"evaluated before: {out}")
-        return rows
-    env, policy = open_trial(model, run, trial, device)
-    return evaluate_policy(env, policy, evaluation, out, _policy_record(model, run))
+    with _reserved(out):
+        if not again and is_current(out, model, run, evaluation, changes, device):
+            rows = read_csv(out / "metrics.csv")
+            print(text_table(rows, evaluation_columns(rows, comparable_table_3(trial))))
+            print(f"evaluated before: {out}")
+            return rows
+        env, policy = open_trial(model, run, trial, device)
+        return evaluate_policy(env, policy, evaluation, out, _policy_record(model, run))
+
+
+@contextlib.contextmanager
+def _reserved(out: Path) -> Iterator[None]:
+    """In this context only this process evaluates into the folder `out`. Raises ConfigError if another one does, or if one of
+    the files cannot be written."""
+    run_dir.writable(out, *FILES)
+    with locked(out):
+        yield
 
 
 def open_trial(model: Path, run: TrainConfig, trial: EnvConfig, device: str) -> tuple[HeadTrackingEnv, Policy]:
@@ -91,13 +103,13 @@ def evaluate_lqr(
         motions = [plan(stander, freq, trial.amplitude, evaluation.tolerance, config) for freq in evaluation.freq]
     except InfeasibleError as error:
         raise ConfigError(str(error)) from None
-    run_dir.writable(out, *FILES)
-    with preparing():
-        env = HeadTrackingEnv(trial, 0, device)
-        env.warm_up()
-    controller = LqrController(env, motions, config, evaluation.duration)
     record = {"policy": "lqr", "lqr": config.model_dump(mode="json", exclude={"env"})}
-    return evaluate_policy(env, controller, evaluation, out, record)
+    with _reserved(out):
+        with preparing():
+            env = HeadTrackingEnv(trial, 0, device)
+            env.warm_up()
+        controller = LqrController(env, motions, config, evaluation.duration)
+        return evaluate_policy(env, controller, evaluation, out, record)
 
 
 def evaluate_policy(

@@ -8,13 +8,14 @@ events.out.*      TensorBoard
 evaluation/       output of posture.eval
 """
 
+import contextlib
 import datetime
 import errno
 import os
 import re
 import stat
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from posture.config import torchrun
@@ -164,3 +165,16 @@ def writable(folder: Path, *files: str) -> Path:
         except OSError as error:  # also a name that is too long
             raise ConfigError(f"cannot write the file {path}: {error.strerror}") from None
     return folder
+
+
+@contextlib.contextmanager
+def removed_if_empty(*folders: Path) -> Iterator[None]:
+    """At the end of this context remove those of `folders`, and of the folders that they are in, that were created in it and
+    are empty."""
+    missing = [path for folder in folders for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        yield
+    finally:
+        for path in missing:
+            with contextlib.suppress(OSError):
+                path.rmdir()

@@ -1,6 +1,7 @@
 """Runs and jobs write only into their own folders, whatever their names, and one process at a time."""
 
 import contextlib
+import shutil
 import signal
 import subprocess
 import sys
@@ -170,6 +171,45 @@ def test_a_folder_is_refused_until_the_process_that_uses_it_ends(monkeypatch, ca
         assert not is_busy(job)
     call(monkeypatch, "train", *QUICK, f"hydra.run.dir={job}")
     assert (job / "model_1.pt").is_file()
+
+
+@pytest.mark.parametrize("command", ["eval", "eval policy=lqr", "export", "film", "theory", "reproduce"])
+def test_no_command_writes_into_a_folder_that_another_process_uses(monkeypatch, capsys, command):
+    """The refusal comes before any work: the names of policies and the installed programs are not even looked up."""
+    name, *arguments = command.split()
+    policy = ["ckpt=nowhere"] if command in ("eval", "export", "film") else []
+    with held_by_another_process(Path("results")):
+        line = refused(monkeypatch, capsys, name, *arguments, *policy, "out=results")
+    assert "results: another process is using this folder" in line
+    assert [path.name for path in Path("results").iterdir()] == [".lock"]
+
+
+def test_the_evaluation_of_a_run_is_that_of_one_process(sound, monkeypatch, capsys, tmp_path):
+    """Its folder is locked, not that of the run, which may still be in training."""
+    run = shutil.copytree(sound, tmp_path / "run")
+    trial = [option for option in TINY if option.startswith("evaluation")]
+    with held_by_another_process(run / "evaluation"):
+        for command in (
+            ["eval", f"ckpt={run}", *trial],
+            ["train", *QUICK, "max_iterations=2", "evaluate=true", f"out={run}"],
+        ):
+            line = refused(monkeypatch, capsys, *command)
+            assert line.startswith(f"error: {run}/evaluation: another process is using this folder")
+        assert [path.name for path in (run / "evaluation").iterdir()] == [".lock"]
+    with held_by_another_process(run):
+        call(monkeypatch, "eval", f"ckpt={run}", *trial, "evaluation.figures=false")
+    names = {path.name for path in (run / "evaluation").iterdir()}
+    assert names == {"metrics.csv", "table.md", "trajectories.npz", "trial.yaml"}
+
+
+def test_a_lock_leaves_nothing_behind():
+    with locked(Path("new/folder")), locked(Path("new/folder")):
+        assert Path("new/folder/.lock").exists()
+    assert not Path("new").exists()
+    Path("kept").mkdir()
+    with locked(Path("kept")):
+        pass
+    assert not list(Path("kept").iterdir())
 
 
 def test_a_job_of_another_process_is_skipped(capsys):
