@@ -21,7 +21,7 @@ from omegaconf import DictConfig
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 from pydantic import BaseModel
 
-from envs.config import ConstraintOverflowError
+from envs.config import ConstraintOverflowError, Ramp
 from posture.cli import jobs, output, signals, sweep
 from posture.config import torchrun
 from posture.config.errors import ConfigError, RunError
@@ -103,6 +103,11 @@ def one_line(error: Exception) -> str:
     """An error's message without line breaks and without the details that Hydra and OmegaConf add for developers."""
     cause = error.__cause__
     if isinstance(cause, (ConfigAttributeError, ConfigKeyError)) and cause.parent_node is not None:
+        if not cause.parent_node:  # null, a number or a list
+            parent = str(cause.full_key).rpartition(".")[0]
+            record = "{" + ", ".join(f"{key}: .." for key in Ramp.model_fields) + "}"
+            value = f"all of it, as in '{parent}={record}'" if parent.endswith(".ramp") else f"a value, as in {parent}=.."
+            return f"{cause.full_key}: no such key, since {parent} has none; give {value}"
         return f"{cause.full_key}: no such key; allowed there are {', '.join(map(str, cause.parent_node))}"
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {error.strerror}"

@@ -28,6 +28,7 @@ def export(config: ExportConfig, out: Path) -> None:
     load_policy(checkpoint.load(model, config.device), run, model, "cpu")
     if "policy" in config.what:
         onnx_policy.check_installed()
+        run_dir.writable(out, "policy.onnx")
     if "trajectories" in config.what:
         write_trajectories(config, model, run, out)
     if "policy" in config.what:
@@ -82,7 +83,7 @@ def write_policy(model: Path, run: TrainConfig, out: Path) -> None:
     from posture.learning.networks import load_policy
     from posture.storage import checkpoint
 
-    path = run_dir.writable(out, "policy.onnx") / "policy.onnx"
+    path = out / "policy.onnx"
     difference = onnx_policy.write_onnx(load_policy(checkpoint.load(model, "cpu"), run, model, "cpu"), run, model, path)
     print(f"{path}  within {difference:.1g} of the policy in torch ({onnx_policy.CHECKED} observations)")
 

@@ -76,9 +76,16 @@ def test_a_read_only_folder_is_refused(monkeypatch, capsys):
         (["eval", "policy=lqr", "evaluation.freq=[0.5]", "out=out"], "trial.yaml"),
         (["export", "what=[trajectories]", "evaluation.freq=[0.5]", "out=out"], "trajectory_0.5Hz.csv"),
         (["export", "what=[policy]", "out=out"], "policy.onnx"),
+        (["export", "evaluation.freq=[0.5]", "out=out"], "policy.onnx"),
+        (["eval", "ckpt=pretrained", "evaluation.freq=[0.5]", "out=out"], "tracking.png"),
+        (["eval", "policy=lqr", "evaluation.freq=[0.5]", "out=out"], "joint_angles.png"),
+        (["theory", "out=out"], "theory_map.png"),
+        (["theory", "out=out"], "figure_13.csv"),
         (["film", "films=[ramp]", "formats=[gif]", "out=out"], "ramp.gif"),
         (["play", "record=out/session.html"], "session.html"),
         (["reproduce", "out=out"], "report.html"),
+        (["reproduce", "out=out"], "tables/ramp.csv"),
+        (["reproduce", "out=out"], "figures/figure_5.png"),
     ],
 )
 def test_a_folder_in_the_place_of_a_file_is_refused_before_the_work(monkeypatch, capsys, arguments, file):
