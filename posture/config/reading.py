@@ -16,6 +16,8 @@ _SHAPES = {
     "int": "a whole number",
     "tuple": "a range [low, high]",
     "Schedule": "a schedule {start: .., end: .., until: ..}",
+    "Ramp": "a ramp {start: .., rate: .., duration: ..} in quotes",
+    "none": "none",
 }
 """Allowed values of a key, by a word in pydantic's name for that alternative."""
 
@@ -45,10 +47,11 @@ def _first_problem(errors: list[ErrorDetails]) -> str:
         return f"{key}: missing"
     alternatives = [other for other in errors if _key(other).startswith(key)]
     ranges = [other for other in alternatives if other["type"].startswith(("greater", "less", "finite"))]
-    if len(alternatives) > 1 and not ranges:
+    if (len(alternatives) > 1 or error["type"] == "model_type") and not ranges:
         names = " ".join(str(part) for other in alternatives for part in other["loc"] if _is_shape(part))
+        names += f" {error.get('ctx', {}).get('class_name', '')}"
         shapes = [text for word, text in _SHAPES.items() if re.search(rf"\b{word}\b", names)]
-        return f"{key} = {error['input']!s:.100}: allowed is {', or '.join(shapes)}"
+        return f"{key} = {error['input']!s:.100}: allowed is {', or '.join(shapes) or 'a group of keys {..: .., ..: ..}'}"
     error = ranges[0] if ranges else error
     return f"{_key(error)} = {error['input']!r:.100}: {error['msg'].replace('Input should', 'must', 1)}"
 
@@ -66,4 +69,4 @@ def _key(error: ErrorDetails) -> str:
 
 def _is_shape(part: int | str) -> bool:
     """Whether a part of an error's location is pydantic's name of an alternative, such as tuple[..], and not a key."""
-    return isinstance(part, str) and bool(re.match(r"constrained-|function-|tuple\[", part))
+    return isinstance(part, str) and bool(re.match(r"constrained-|function-|tuple\[|literal\[", part))

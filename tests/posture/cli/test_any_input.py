@@ -114,6 +114,12 @@ REFUSED = [  # beside the ranges, which every key has (test above)
     ("train", "env.ankle_k=inf", "env.ankle_k"),
     ("train", "env.load=true", "env.load: true is not allowed here"),
     ("train", "env.ramp={start:0.5,rate:-0.1,duration:10}", "env.ramp: the ramp ends at -0.5 Hz"),
+    ("train", "env.ramp=3", "env.ramp = 3: allowed is a ramp {start: .., rate: .., duration: ..} in quotes"),
+    (
+        "eval",
+        "env.ramp=duration:20",
+        "env.ramp = duration:20: allowed is a ramp {start: .., rate: .., duration: ..} in quotes, or none",
+    ),
     ("train", "env.ramp={start:0,rate:0,duration:10}", "env.ramp: the ramp stays below 0.001 Hz"),
     ("train", "env.episode_steps=0", "env.episode_steps = 0: must be greater than or equal to 1"),
     ("train", "env.episode_steps=[9,3]", "env.episode_steps: a range goes from low to high"),
