@@ -36,10 +36,16 @@ FAILURES = (ConstraintOverflowError, FloatingPointError, RunError, OSError)
 _BAD_INPUT = (ConfigError, HydraException, OmegaConfBaseException)
 
 
-def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> None:
+def run(
+    name: str,
+    kind: type[Config],
+    task: Callable[[Config, Path], None],
+    check: Callable[[Sequence[Config], bool], None] | None = None,
+) -> None:
     """Run a command: `task(config, folder)` for each job of the command line, `folder` being the job's own.
 
-    The configuration is conf/`name`.yaml with the command line's overrides, checked as `kind`. Exits with 2 on bad input,
+    The configuration is conf/`name`.yaml with the command line's overrides, checked as `kind`. `check(configs, in_sweep)`
+    is called once, before the first job: it raises ConfigError where a job could not run here. Exits with 2 on bad input,
     with 1 if a job failed at run time, and with 128 + its number if a signal stopped it. Output that fails never ends the
     work.
     """
@@ -59,6 +65,9 @@ def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> 
             sys.argv[1:] = command.argv
             if command.jobs:
                 _check_processes(name, command)
+                if check is not None:
+                    configs = [job.config for job in command.jobs if isinstance(job.config, kind)]
+                    check(configs, command.launcher is not None)
             with kernel_cache.writable() if command.jobs else contextlib.nullcontext():
                 if command.launcher is None:
                     with _removed_if_empty(command.jobs):
