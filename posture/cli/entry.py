@@ -185,12 +185,24 @@ def _check_processes(name: str, command: jobs.Command) -> None:
 
 
 def _start(command: jobs.Command, job: Callable[[DictConfig], None]) -> None:
+    """Let Hydra run the jobs. Raises ConfigError for an error of Hydra or of a launcher before the first of them."""
+    began = False
+    # Errors that may be those of a job in another process.
+    elsewhere = (OSError, RuntimeError) if command.launcher not in (None, "basic") else ()
+
     def run_here(composed: DictConfig) -> None:
+        nonlocal began
+        began = True
         # Paths are relative to the directory in which the command was started, with hydra.job.chdir, too.
         os.chdir(HydraConfig.get().runtime.cwd)
         job(composed)
 
-    hydra.main(version_base="1.3", config_path=str(CONF), config_name=command.config_name)(run_here)()
+    try:
+        hydra.main(version_base="1.3", config_path=str(CONF), config_name=command.config_name)(run_here)()
+    except Exception as error:
+        if began or isinstance(error, (*_BAD_INPUT, *elsewhere)):
+            raise
+        raise ConfigError(f"Hydra cannot start the command, see its keys hydra.*: {one_line(error)}") from None
 
 
 def _refuse(error: Exception) -> NoReturn:
