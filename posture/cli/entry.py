@@ -9,7 +9,7 @@ import importlib
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
@@ -37,10 +37,16 @@ FAILURES = (ConstraintOverflowError, FloatingPointError, RunError, OSError)
 _BAD_INPUT = (ConfigError, HydraException, OmegaConfBaseException)
 
 
-def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> None:
+def run(
+    name: str,
+    kind: type[Config],
+    task: Callable[[Config, Path], None],
+    check: Callable[[Sequence[Config], bool], None] | None = None,
+) -> None:
     """Run a command: `task(config, folder)` for each job of the command line, `folder` being the job's own.
 
-    The configuration is conf/`name`.yaml with the command line's overrides, checked as `kind`. Exits with 2 on bad input,
+    The configuration is conf/`name`.yaml with the command line's overrides, checked as `kind`. `check(configs, in_sweep)`
+    is called once, before the first job: it raises ConfigError where a job could not run here. Exits with 2 on bad input,
     with 1 if a job failed at run time, and with 128 + its number if a signal stopped it. Output that fails never ends the
     work.
     """
@@ -60,6 +66,9 @@ def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> 
             sys.argv[1:] = command.argv
             if command.jobs:
                 _check_processes(name, command)
+                if check is not None:
+                    configs = [job.config for job in command.jobs if isinstance(job.config, kind)]
+                    check(configs, command.launcher is not None)
             with kernel_cache.writable() if command.jobs else contextlib.nullcontext():
                 if command.launcher is None:
                     with run_dir.removed_if_empty(*(job.folder for job in command.jobs)):
@@ -171,12 +180,24 @@ def _check_processes(name: str, command: jobs.Command) -> None:
 
 
 def _start(command: jobs.Command, job: Callable[[DictConfig], None]) -> None:
+    """Let Hydra run the jobs. Raises ConfigError for an error of Hydra or of a launcher before the first of them."""
+    began = False
+    # Errors that may be those of a job in another process.
+    elsewhere = (OSError, RuntimeError) if command.launcher not in (None, "basic") else ()
+
     def run_here(composed: DictConfig) -> None:
+        nonlocal began
+        began = True
         # Paths are relative to the directory in which the command was started, with hydra.job.chdir, too.
         os.chdir(HydraConfig.get().runtime.cwd)
         job(composed)
 
-    hydra.main(version_base="1.3", config_path=str(CONF), config_name=command.config_name)(run_here)()
+    try:
+        hydra.main(version_base="1.3", config_path=str(CONF), config_name=command.config_name)(run_here)()
+    except Exception as error:
+        if began or isinstance(error, (*_BAD_INPUT, *elsewhere)):
+            raise
+        raise ConfigError(f"Hydra cannot start the command, see its keys hydra.*: {one_line(error)}") from None
 
 
 def _refuse(error: Exception) -> NoReturn:

@@ -26,6 +26,8 @@ from posture.storage import yaml_files
 from posture.storage.migration import upgrade
 
 RUNS = Path("runs")
+FILES = ("config.yaml", "provenance.yaml", "resume.pt", ".lock")
+"""Files that a training writes into its folder, beside those that are numbered."""
 PRETRAINED = Path(__file__).resolve().parent.parent / "pretrained"
 """Run folders shipped with the package, each with one policy (posture/reproduce/ship.py)."""
 
@@ -128,6 +130,12 @@ def newest_model(run: Path) -> Path | None:
     return max(models, key=iteration_of, default=None)
 
 
+def iterations_of_newest(run: Path) -> int:
+    """Iterations after which the newest checkpoint of `run` was saved; 0 if there is none."""
+    model = newest_model(run)
+    return 0 if model is None else iteration_of(model)
+
+
 def iteration_of(model: Path) -> int:
     """Iterations after which a checkpoint was saved, from its file name."""
     return int(model.stem.removeprefix("model_"))
@@ -158,8 +166,11 @@ def writable(folder: Path, *files: str) -> Path:
         raise ConfigError(f"cannot write to the folder {folder}: {error.strerror}") from None
     for path in (folder / name for name in files):
         try:
-            if stat.S_ISDIR(path.lstat().st_mode):
+            mode = path.lstat().st_mode
+            if stat.S_ISDIR(mode):
                 raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+            if not stat.S_ISREG(mode) and not stat.S_ISLNK(mode):
+                raise OSError(errno.EINVAL, "A pipe or a device has this name")
         except FileNotFoundError:
             pass
         except OSError as error:  # also a name that is too long

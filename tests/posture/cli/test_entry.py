@@ -48,6 +48,21 @@ def test_bad_input_to_train(monkeypatch, capsys, argument, expected):
     assert runs() == []
 
 
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["hydra.verbose=[1]"], "A logger name must be a string"),
+        (["hydra.job_logging.version=7"], "Unsupported version: 7"),
+        (["hydra.job_logging.version=7", "-m", "seed=1,2"], "Unsupported version: 7"),
+        (["hydra/launcher=joblib", "hydra.launcher.n_jobs=0", "-m", "seed=1,2"], "n_jobs == 0 in Parallel has no meaning"),
+    ],
+)
+def test_a_key_of_hydra_with_which_it_cannot_start(monkeypatch, capsys, arguments, expected):
+    line = refused(monkeypatch, capsys, "train", *TINY, *arguments)
+    assert line.startswith("error: Hydra cannot start the command, see its keys hydra.*: ") and expected in line
+    assert not list(Path.cwd().rglob("config.yaml"))
+
+
 @pytest.mark.skipif(torch.cuda.is_available(), reason="this machine has CUDA")
 def test_cuda_without_cuda(monkeypatch, capsys):
     assert "finds no CUDA device; use cpu" in refused(monkeypatch, capsys, "train", "device=cuda")

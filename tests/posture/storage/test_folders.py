@@ -1,6 +1,7 @@
 """Runs and jobs write only into their own folders, whatever their names, and one process at a time."""
 
 import contextlib
+import os
 import shutil
 import signal
 import subprocess
@@ -95,6 +96,43 @@ def test_a_folder_in_the_place_of_a_file_is_refused_before_the_work(monkeypatch,
     assert tree(Path.cwd()) == before
 
 
+@pytest.mark.parametrize(
+    ("arguments", "path"),
+    [
+        (["seed=1", "out=out"], "out/config.yaml"),
+        (["seed=1", "out=out"], "out/model_1.pt"),
+        (["seed=1", "out=out"], "out/.lock"),
+        (["-m", "seed=1,2", "out=out"], "out/1_seed-2/provenance.yaml"),
+        (["-m", "seed=1,2", "out=out"], "out/1_seed-2/status.yaml"),
+        (["-m", "seed=1,2", "out=out"], "out/1_seed-2/error.txt"),
+        (["-m", "seed=1,2", "out=out"], "out/1_seed-2/log.txt"),
+    ],
+)
+@pytest.mark.parametrize(("make", "why"), [(Path.mkdir, "Is a directory"), (os.mkfifo, "A pipe or a device")])
+def test_a_folder_or_a_pipe_in_the_place_of_a_file_of_a_training(monkeypatch, capsys, arguments, path, make, why):
+    Path(path).parent.mkdir(parents=True)
+    make(Path(path))
+    before = tree(Path.cwd())
+    assert f"{path}: {why}" in refused(monkeypatch, capsys, "train", *QUICK, *arguments)
+    assert tree(Path.cwd()) == before
+
+
+def test_a_file_in_the_place_of_the_evaluation_is_refused_before_the_training(monkeypatch, capsys):
+    Path("out").mkdir()
+    Path("out/evaluation").touch()
+    line = refused(monkeypatch, capsys, "train", *QUICK, "evaluate=true", "out=out")
+    assert "cannot write to the folder out/evaluation: Not a directory" in line and runs() == []
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
+def test_a_pipe_in_the_place_of_a_yaml_file_is_not_read(tmp_path):
+    os.mkfifo(tmp_path / "status.yaml")
+    assert yaml_files.read_yaml(tmp_path / "status.yaml") is None
+    for path in (tmp_path / "status.yaml", Path("/dev/zero")):
+        with pytest.raises(ConfigError, match=r"cannot be read \(not a file\)"):
+            yaml_files.read(path)
+
+
 def test_a_file_name_that_is_too_long_for_the_file_system_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="cannot write the file .*: File name too long"):
         run_dir.writable(tmp_path, "x" * 300)
@@ -103,6 +141,12 @@ def test_a_file_name_that_is_too_long_for_the_file_system_is_refused(tmp_path):
 def test_an_empty_sweep_is_refused(monkeypatch, capsys):
     assert "the sweep is empty" in refused(monkeypatch, capsys, "train", "-m", *QUICK, "seed=range(1,1)")
     assert runs() == []
+
+
+@pytest.mark.parametrize("swept", ["seed=1,1", "env.hip_k=25,25.0"])
+def test_jobs_that_would_do_the_same_are_refused(monkeypatch, capsys, swept):
+    line = refused(monkeypatch, capsys, "train", "-m", *QUICK, swept)
+    assert "two jobs of the sweep would do the same" in line and line.endswith("give each value once") and runs() == []
 
 
 def test_jobs_have_different_folders_within_the_sweep(monkeypatch, capsys, tmp_path):
@@ -182,9 +226,9 @@ def test_a_folder_is_refused_until_the_process_that_uses_it_ends(monkeypatch, ca
 
 @pytest.mark.parametrize("command", ["eval", "eval policy=lqr", "export", "film", "theory", "reproduce"])
 def test_no_command_writes_into_a_folder_that_another_process_uses(monkeypatch, capsys, command):
-    """The refusal comes before any work: the names of policies and the installed programs are not even looked up."""
+    """The refusal comes before any work: the folder stays as it is."""
     name, *arguments = command.split()
-    policy = ["ckpt=nowhere"] if command in ("eval", "export", "film") else []
+    policy = ["ckpt=pretrained"] if command in ("eval", "export", "film") else []
     with held_by_another_process(Path("results")):
         line = refused(monkeypatch, capsys, name, *arguments, *policy, "out=results")
     assert "results: another process is using this folder" in line
