@@ -3,6 +3,7 @@
 No field has a default: a number that is missing from conf/ is an error, not a guess.
 """
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
@@ -172,6 +173,7 @@ class EnvConfig(Strict):
                 raise ValueError(
                     f"observations.{group}: unknown {', '.join(unknown)}; allowed are {', '.join(sorted(TERMS))}"
                 )
+            check_once(terms, f"observations.{group}")
         check_followed(self.highest_freq, self.control_dt, "freq" if self.ramp is None else "ramp")
         tolerance = self.termination.head_tolerance
         if tolerance is not None and tolerance > self.amplitude:
@@ -193,6 +195,13 @@ class EnvConfig(Strict):
         if self.ramp is not None:
             return max(self.ramp.start, self.ramp.end)
         return max(self.freq) if isinstance(self.freq, tuple) else self.freq
+
+
+def check_once(names: Sequence[str], key: str) -> None:
+    """Raise ValueError if one of the `names` of `key` appears twice."""
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"{key}: {name} appears {names.count(name)} times; give each name once")
 
 
 def check_followed(freq: float, control_dt: float, key: str) -> None:

@@ -50,6 +50,10 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
     from posture.evaluation.trial import evaluate, origin
 
     several = len(models) > 1 or in_experiment
+    name = "_".join(["metrics", *([] if own else differences(runs[0], config))])
+    table = (job if own else Path(config.ckpt)) / f"{name}.csv"
+    if several:
+        run_dir.writable(table.parent, table.name)
     results: list[Result] = []
     for model, run in zip(models, runs, strict=True):
         if several:
@@ -61,8 +65,6 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
         rows = evaluate(model, run, config.evaluation, config.env, config.device, folder, config.again)
         results += [replace(row, origin=origin(run, config.env, model.parent.name)) for row in rows]
     if several:
-        name = "_".join(["metrics", *([] if own else differences(runs[0], config))])
-        table = (job if own else Path(config.ckpt)) / f"{name}.csv"
         write_csv(results, table)
         print(f"all runs: {table}")
 

@@ -42,10 +42,11 @@ def _train(config: TrainConfig, folder: Path) -> None:
 
     if config.resume is not None:
         config = _resumed(config, folder)
-    started_before = config.resume is not None or (folder / "resume.pt").exists()
-    done = iterations_done(folder) if started_before else 0
+    can_continue = config.resume is not None or (folder / "resume.pt").exists()
+    # Without resume.pt a training is either complete, or refused before.
+    done = iterations_done(folder) if can_continue else run_dir.iterations_of_newest(folder)
     # Schedules of weights keep the length that the training began with.
-    steps = (run_dir.read_config(folder) if started_before else config).training_steps
+    steps = (run_dir.read_config(folder) if can_continue else config).training_steps
     if done < config.max_iterations:
         with parallel.worker_processes(config.processes, config.device, _learn, config, folder, done > 0, steps):
             _learn(config, folder, done > 0, steps)

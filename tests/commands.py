@@ -21,8 +21,11 @@ from posture.config.reproduce import ReproduceConfig
 from posture.config.theory import TheoryConfig
 from posture.config.train import TrainConfig
 from posture.eval import evaluate_all
+from posture.export.__main__ import check as check_export
 from posture.export.__main__ import export
+from posture.film.__main__ import check as check_film
 from posture.film.__main__ import film
+from posture.play.__main__ import check as check_play
 from posture.play.__main__ import play
 from posture.reproduce.__main__ import reproduce
 from posture.theory.__main__ import theory
@@ -53,9 +56,9 @@ ENTRIES = {
     "eval": (EvalConfig, evaluate_all),
     "theory": (TheoryConfig, theory),
     "reproduce": (ReproduceConfig, reproduce),
-    "play": (PlayConfig, play),
-    "film": (FilmConfig, film),
-    "export": (ExportConfig, export),
+    "play": (PlayConfig, play, check_play),
+    "film": (FilmConfig, film, check_film),
+    "export": (ExportConfig, export, check_export),
 }
 
 
@@ -65,8 +68,8 @@ def call(monkeypatch, command, *arguments, task=None):
     HydraConfig.instance().cfg = None
     monkeypatch.setattr(sys, "argv", [f"posture.{command}", *arguments])
     monkeypatch.setattr(logging, "raiseExceptions", False)  # Hydra logs to the stdout of an earlier test
-    kind, own = ENTRIES[command]
-    entry.run(command, kind, task or own)
+    kind, *own = ENTRIES[command]
+    entry.run(command, kind, *([task] if task else own))
 
 
 def answer(command, *arguments):

@@ -103,7 +103,7 @@ def test_code_blocks_are_commands_or_not(document):
 def test_command_is_valid(command, monkeypatch):
     found = []
 
-    def check(config_name, schema, _task):
+    def check(config_name, schema, *_):
         GlobalHydra.instance().clear()
         found.extend(jobs.check(config_name, schema, sys.argv[1:]).jobs)
 

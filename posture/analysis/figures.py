@@ -35,6 +35,10 @@ from posture.drawing.style import (
 
 SHOWN_CYCLES = 3  # at the end of the trial, in figures over time
 COLUMNS = 5  # of panels
+OVER_TIME = ("head_target", "joint_angles", "angle_plots")
+AGAINST_FREQUENCY = ("coordination", "ranges", "tracking", "cop")
+FILES = tuple(f"{name}.png" for name in (*OVER_TIME, *AGAINST_FREQUENCY))
+"""Files that `draw_all` may write."""
 
 
 def draw_all(
@@ -52,18 +56,11 @@ def draw_all(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     with styled():
-        drawn = {
-            "head_target": fig_head_target(trajectory, rows),
-            "joint_angles": fig_joint_angles(trajectory, rows),
-            "angle_plots": fig_angle_plots(trajectory, rows),
-        }
+        figures = [fig_head_target(trajectory, rows), fig_joint_angles(trajectory, rows), fig_angle_plots(trajectory, rows)]
+        drawn = dict(zip(OVER_TIME, figures, strict=True))
         if np.isfinite(trajectory.freq).any():
-            drawn |= {
-                "coordination": fig_coordination(rows, published),
-                "ranges": fig_ranges(rows),
-                "tracking": fig_tracking(rows, published),
-                "cop": fig_cop(rows, foot_span),
-            }
+            figures = [fig_coordination(rows, published), fig_ranges(rows), fig_tracking(rows, published)]
+            drawn |= zip(AGAINST_FREQUENCY, [*figures, fig_cop(rows, foot_span)], strict=True)
         for name, fig in drawn.items():
             fig.savefig(folder / f"{name}.png")
     return [folder / f"{name}.png" for name in drawn]

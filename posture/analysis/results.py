@@ -8,6 +8,7 @@ itself a dataclass is a group of columns: the group is left out of a file in whi
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
@@ -180,7 +181,7 @@ def write_rows(rows: Sequence[Row], path: str | Path) -> None:
     """Write rows with the same columns as CSV, floats to six digits; atomic. ValueError if there are none."""
     if not rows:
         raise ValueError(f"no rows to write to {path}")
-    with replacing(Path(path)) as temporary, temporary.open("w", newline="") as file:
+    with replacing(Path(path)) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, fieldnames=list(rows[0]), lineterminator="\n")
         writer.writeheader()
         for row in rows:
@@ -188,15 +189,25 @@ def write_rows(rows: Sequence[Row], path: str | Path) -> None:
 
 
 def read_csv(path: str | Path) -> list[Result]:
-    """Read what `write_csv` wrote. A missing column has its default; ValueError for one that is unknown or required."""
-    with Path(path).open(newline="") as file:
-        reader = csv.DictReader(file)
-        names = reader.fieldnames or []
-        if unknown := [name for name in names if name not in _COLUMNS]:
-            raise ValueError(f"{path}: unknown columns {', '.join(unknown)}")
-        if missing := [name for name, (_, part) in _COLUMNS.items() if part.default is MISSING and name not in names]:
-            raise ValueError(f"{path}: missing columns {', '.join(missing)}")
-        return [_result(row) for row in reader]
+    """Read what `write_csv` wrote. A missing column has its default. Raises ValueError, which names the file, for a column
+    that is unknown or required, and for a file that is damaged or has no rows."""
+    try:
+        text = Path(path).read_bytes().decode()
+    except UnicodeDecodeError:
+        raise ValueError(f"{path}: is damaged: not a text in UTF-8") from None
+    reader = csv.DictReader(io.StringIO(text, newline=""))
+    names = reader.fieldnames or []
+    if unknown := [name for name in names if name not in _COLUMNS]:
+        raise ValueError(f"{path}: unknown columns {', '.join(unknown)}")
+    if missing := [name for name, (_, part) in _COLUMNS.items() if part.default is MISSING and name not in names]:
+        raise ValueError(f"{path}: missing columns {', '.join(missing)}")
+    try:
+        results = [_result(row) for row in reader]
+    except (TypeError, KeyError, ValueError, csv.Error):  # too few values, too many, or one of another kind
+        raise ValueError(f"{path}: line {reader.line_num} is damaged") from None
+    if not results or not text.endswith("\n"):
+        raise ValueError(f"{path}: is damaged: it {'was cut short' if results else 'has no rows'}")
+    return results
 
 
 def _result(row: Mapping[str, str]) -> Result:
@@ -217,7 +228,12 @@ def _name(group: Field[Any], part: Field[Any]) -> str:
     return str(part.metadata.get("column", group.metadata["prefix"] + part.name))
 
 
-_READ: dict[str, Callable[[str], Any]] = {"float": float, "int": int, "str": str, "bool": lambda text: text == "True"}
+_READ: dict[str, Callable[[str], Any]] = {
+    "float": float,
+    "int": int,
+    "str": str,
+    "bool": {"True": True, "False": False}.__getitem__,
+}
 _COLUMNS: dict[str, tuple[Field[Any] | None, Field[Any]]] = {
     name: entry
     for column in fields(Result)

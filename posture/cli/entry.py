@@ -9,7 +9,7 @@ import importlib
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
@@ -21,13 +21,14 @@ from omegaconf import DictConfig
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
 from pydantic import BaseModel
 
-from envs.config import ConstraintOverflowError
+from envs.config import ConstraintOverflowError, Ramp
 from posture.cli import jobs, output, signals, sweep
 from posture.config import torchrun
 from posture.config.errors import ConfigError, RunError
 from posture.config.published import CONF
 from posture.config.reading import read
-from posture.storage import kernel_cache
+from posture.storage import kernel_cache, run_dir
+from posture.storage.lock import locked
 
 Config = TypeVar("Config", bound=BaseModel)
 
@@ -36,10 +37,16 @@ FAILURES = (ConstraintOverflowError, FloatingPointError, RunError, OSError)
 _BAD_INPUT = (ConfigError, HydraException, OmegaConfBaseException)
 
 
-def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> None:
+def run(
+    name: str,
+    kind: type[Config],
+    task: Callable[[Config, Path], None],
+    check: Callable[[Sequence[Config], bool], None] | None = None,
+) -> None:
     """Run a command: `task(config, folder)` for each job of the command line, `folder` being the job's own.
 
-    The configuration is conf/`name`.yaml with the command line's overrides, checked as `kind`. Exits with 2 on bad input,
+    The configuration is conf/`name`.yaml with the command line's overrides, checked as `kind`. `check(configs, in_sweep)`
+    is called once, before the first job: it raises ConfigError where a job could not run here. Exits with 2 on bad input,
     with 1 if a job failed at run time, and with 128 + its number if a signal stopped it. Output that fails never ends the
     work.
     """
@@ -59,9 +66,12 @@ def run(name: str, kind: type[Config], task: Callable[[Config, Path], None]) -> 
             sys.argv[1:] = command.argv
             if command.jobs:
                 _check_processes(name, command)
+                if check is not None:
+                    configs = [job.config for job in command.jobs if isinstance(job.config, kind)]
+                    check(configs, command.launcher is not None)
             with kernel_cache.writable() if command.jobs else contextlib.nullcontext():
                 if command.launcher is None:
-                    with _removed_if_empty(command.jobs):
+                    with run_dir.removed_if_empty(*(job.folder for job in command.jobs)):
                         _start(command, lambda composed: _run_single(kind, task, composed))
                     return
                 progress = sweep.SweepProgress(command.jobs)
@@ -102,6 +112,11 @@ def one_line(error: Exception) -> str:
     """An error's message without line breaks and without the details that Hydra and OmegaConf add for developers."""
     cause = error.__cause__
     if isinstance(cause, (ConfigAttributeError, ConfigKeyError)) and cause.parent_node is not None:
+        if not cause.parent_node:  # null, a number or a list
+            parent = str(cause.full_key).rpartition(".")[0]
+            record = "{" + ", ".join(f"{key}: .." for key in Ramp.model_fields) + "}"
+            value = f"all of it, as in '{parent}={record}'" if parent.endswith(".ramp") else f"a value, as in {parent}=.."
+            return f"{cause.full_key}: no such key, since {parent} has none; give {value}"
         return f"{cause.full_key}: no such key; allowed there are {', '.join(map(str, cause.parent_node))}"
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {error.strerror}"
@@ -114,24 +129,13 @@ def one_line(error: Exception) -> str:
 def _run_single(kind: type[Config], task: Callable[[Config, Path], None], composed: DictConfig) -> None:
     folder = Path(HydraConfig.get().runtime.output_dir)
     try:
-        task(read(kind, jobs.plain(composed)), folder)
+        with locked(folder) if has_folder() else contextlib.nullcontext():
+            task(read(kind, jobs.plain(composed)), folder)
     except ConfigError as error:
         _refuse(error)  # not further up, because Hydra adds its own lines
     except FAILURES as error:
         print(f"error: {one_line(error)}", file=sys.stderr)
         sys.exit(1)
-
-
-@contextlib.contextmanager
-def _removed_if_empty(own: Sequence[jobs.Job]) -> Iterator[None]:
-    """At the end of this context remove the folders that it created for jobs which wrote nothing."""
-    missing = [folder for job in own for folder in (job.folder, *job.folder.parents) if not folder.exists()]
-    try:
-        yield
-    finally:
-        with contextlib.suppress(OSError):
-            for folder in missing:
-                folder.rmdir()
 
 
 def _run_sweep(
@@ -176,12 +180,24 @@ def _check_processes(name: str, command: jobs.Command) -> None:
 
 
 def _start(command: jobs.Command, job: Callable[[DictConfig], None]) -> None:
+    """Let Hydra run the jobs. Raises ConfigError for an error of Hydra or of a launcher before the first of them."""
+    began = False
+    # Errors that may be those of a job in another process.
+    elsewhere = (OSError, RuntimeError) if command.launcher not in (None, "basic") else ()
+
     def run_here(composed: DictConfig) -> None:
+        nonlocal began
+        began = True
         # Paths are relative to the directory in which the command was started, with hydra.job.chdir, too.
         os.chdir(HydraConfig.get().runtime.cwd)
         job(composed)
 
-    hydra.main(version_base="1.3", config_path=str(CONF), config_name=command.config_name)(run_here)()
+    try:
+        hydra.main(version_base="1.3", config_path=str(CONF), config_name=command.config_name)(run_here)()
+    except Exception as error:
+        if began or isinstance(error, (*_BAD_INPUT, *elsewhere)):
+            raise
+        raise ConfigError(f"Hydra cannot start the command, see its keys hydra.*: {one_line(error)}") from None
 
 
 def _refuse(error: Exception) -> NoReturn:

@@ -44,6 +44,8 @@ MAX_DIFFERENCES = 8
 MAX_JOBS = 10_000
 """Jobs of one sweep; more are taken for a mistake."""
 MAX_SLUG_LENGTH = 80
+JOB_FILES = ("status.yaml", "error.txt", "log.txt", ".lock")
+"""Files in the folder of each job of a sweep (posture/cli/sweep.py)."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +131,7 @@ def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
             _check_effect([config], fixed)
             folder = str(common.hydra.run.dir)
             if folder:  # without one, an evaluation may be started in a folder that is read-only
-                run_dir.writable(Path(folder))
+                _check_writable(config, Path(folder))
                 # Fixed here, because the name of a new folder depends on the time.
                 overrides.append(f"hydra.run.dir={_quoted(folder)}")
             if isinstance(config, TrainConfig):
@@ -276,6 +278,10 @@ def refuse_other_training(config: TrainConfig, folder: Path) -> None:
             f"{folder}: holds another training ({'; '.join(different[:MAX_DIFFERENCES] + more)}); resume={folder} continues "
             "it with its own values, out= names another folder"
         )
+    if not (folder / "resume.pt").exists() and run_dir.iterations_of_newest(folder) < config.max_iterations:
+        raise ConfigError(
+            f"{folder}: holds checkpoints without resume.pt, so that their training cannot go on; out= names another folder"
+        )
 
 
 def _differences(saved: Any, own: Any, key: str = "") -> list[str]:
@@ -327,6 +333,7 @@ def _check_folders(jobs: Sequence[Job], sweep: Path) -> None:
     if not jobs:
         raise ConfigError("the sweep is empty: a range or choice has no value in it")
     seen: set[Path] = set()
+    configured: dict[str, Path] = {}
     for job in jobs:
         folder = job.folder.resolve()
         if sweep.resolve() not in folder.parents:
@@ -336,7 +343,19 @@ def _check_folders(jobs: Sequence[Job], sweep: Path) -> None:
         if folder in seen:
             raise ConfigError(f"two jobs of the sweep would have the folder {job.folder}: give each value once")
         seen.add(folder)
-        run_dir.writable(job.folder)
+        other = configured.setdefault(job.config.model_dump_json(), job.folder)
+        if other != job.folder:
+            raise ConfigError(f"two jobs of the sweep would do the same, {other} and {job.folder}: give each value once")
+        _check_writable(job.config, job.folder, *JOB_FILES)
+
+
+def _check_writable(config: BaseModel, folder: Path, *files: str) -> None:
+    """Raise ConfigError unless a job with `config` can write its files, among them `files`, to `folder`."""
+    if isinstance(config, TrainConfig):
+        files = (*files, *run_dir.FILES, *(path.name for path in folder.glob("model_*.pt")))
+        if config.evaluate:
+            run_dir.writable(folder / "evaluation")
+    run_dir.writable(folder, *files)
 
 
 @contextlib.contextmanager

@@ -1,11 +1,26 @@
 """Configuration of the reproduction (conf/reproduce.yaml) and of its report (conf/report.yaml)."""
 
+import re
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from envs.config import Amplitude, Freq, HipStiffness, Strict
 from posture.config.checks import CommandConfig
+
+NOT_OVERRIDDEN = ("experiment", "hydra", "out", "resume", "seed")
+"""Keys of a training that the reproduction sets, or that have no place in it."""
+
+
+def _override(text: str) -> str:
+    key = re.match(r"\+{0,2}(\w+)([./@]\w[\w./@]*)?=", text)
+    if key is None or key[1] in NOT_OVERRIDDEN:
+        raise ValueError(
+            f"{text!r}: allowed are keys of a training with their values, as in 'env.hip_k=60', "
+            f"but not {', '.join(NOT_OVERRIDDEN)}"
+        )
+    return text
+
 
 Stage = Literal["train", "evaluate", "report", "ship"]
 Share = Annotated[float, Field(gt=0, le=1)]
@@ -92,7 +107,7 @@ class ReproduceConfig(CommandConfig):
     launcher: Literal["joblib", "basic", "submitit_local", "submitit_slurm"]
     parallel: Annotated[int, Field(ge=1, le=1024)]
     search: tuple[Freq, Freq]
-    overrides: tuple[str, ...]
+    overrides: tuple[Annotated[str, AfterValidator(_override)], ...]
     report: ReportConfig
 
     def without_effect(self) -> dict[str, str]:

@@ -45,7 +45,7 @@ class ModeMapGrid(Strict):
 
 class Around(Strict):
     """Values of each parameter at which the transition is computed, the others as configured; tolerances as large
-    as the amplitude are left out."""
+    as the amplitude are left out. Without any value there is no such table."""
 
     ankle_k: Annotated[tuple[AnkleStiffness, ...], Field(max_length=1000)]
     load: Annotated[tuple[Load, ...], Field(max_length=1000)]

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from envs.config import EnvConfig, Steps
+from envs.config import EnvConfig, Steps, check_once
 from posture.config.agent import AgentConfig
 from posture.config.checks import CommandConfig, PathText, check_engine
 from posture.config.eval import EvaluationConfig, check_trial
@@ -55,6 +55,7 @@ class TrainConfig(CommandConfig):
                     f"agent.obs_groups.{network}: {', '.join(missing)} not among the groups of env.observations "
                     f"({', '.join(sorted(known))})"
                 )
+            check_once(groups, f"agent.obs_groups.{network}")
         if self.env.num_envs % self.processes:
             raise ValueError(f"env.num_envs = {self.env.num_envs} cannot be shared equally among {self.processes} processes")
         own = self.env.num_envs // self.processes * self.agent.num_steps_per_env

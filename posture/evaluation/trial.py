@@ -1,7 +1,9 @@
 """The evaluation of a policy: from a checkpoint to trajectories, results, table and figures."""
 
+import contextlib
 import hashlib
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,8 +13,8 @@ import torch
 from envs.body.segments import read_segments
 from envs.config import EnvConfig, Schedule, as_plain
 from envs.task.head_tracking import HeadTrackingEnv
+from posture.analysis import figures
 from posture.analysis.coordination import measure_trajectory
-from posture.analysis.figures import draw_all
 from posture.analysis.ramp import transitions
 from posture.analysis.results import Origin, Result, read_csv, write_csv
 from posture.analysis.table import evaluation_columns, markdown_table, text_table
@@ -29,13 +31,16 @@ from posture.learning.networks import load_policy
 from posture.learning.progress import preparing
 from posture.storage import checkpoint, provenance, run_dir, yaml_files
 from posture.storage.atomic import replacing
+from posture.storage.lock import locked
 from posture.theory.lqr import plan
 from posture.theory.prediction import predict
 from posture.theory.program import InfeasibleError
 from posture.theory.stander import linearise
 
 AS_TRAINED = EnvChanges(hip_k=None, ankle_k=None, load=None, amplitude=None, physics=None, ramp=None)
-FILES = ("trajectories.npz", "metrics.csv", "table.md", "trial.yaml")
+RESULTS = ("trajectories.npz", "metrics.csv")
+"""Files that are read again; trial.yaml has their digests."""
+FILES = (*RESULTS, "table.md", "trial.yaml")
 
 
 def evaluate_run(run: Path, config: TrainConfig) -> list[Result]:
@@ -60,15 +65,24 @@ def evaluate(
     With `again` false, results of the same policy, code and conditions in `out` are read instead.
     """
     checkpoint.load(model, device)  # a damaged file is refused before anything is written
-    run_dir.writable(out, *FILES)
     trial = trial_config(run.env, evaluation, changes, device)
-    if not again and is_current(out, model, run, evaluation, changes, device):
-        rows = read_csv(out / "metrics.csv")
-        print(text_table(rows, evaluation_columns(rows, comparable_table_3(trial))))
-        print(f"evaluated before: {out}")
-        return rows
-    env, policy = open_trial(model, run, trial, device)
-    return evaluate_policy(env, policy, evaluation, out, _policy_record(model, run))
+    with _reserved(out, evaluation):
+        if not again and is_current(out, model, run, evaluation, changes, device):
+            rows = read_csv(out / "metrics.csv")
+            print(text_table(rows, evaluation_columns(rows, comparable_table_3(trial))))
+            print(f"evaluated before: {out}")
+            return rows
+        env, policy = open_trial(model, run, trial, device)
+        return evaluate_policy(env, policy, evaluation, out, _policy_record(model, run))
+
+
+@contextlib.contextmanager
+def _reserved(out: Path, evaluation: EvaluationConfig) -> Iterator[None]:
+    """In this context only this process evaluates into the folder `out`. Raises ConfigError if another one does, or if one
+    of the files cannot be written."""
+    run_dir.writable(out, *FILES, *(figures.FILES if evaluation.figures else ()))
+    with locked(out):
+        yield
 
 
 def open_trial(model: Path, run: TrainConfig, trial: EnvConfig, device: str) -> tuple[HeadTrackingEnv, Policy]:
@@ -91,13 +105,13 @@ def evaluate_lqr(
         motions = [plan(stander, freq, trial.amplitude, evaluation.tolerance, config) for freq in evaluation.freq]
     except InfeasibleError as error:
         raise ConfigError(str(error)) from None
-    run_dir.writable(out, *FILES)
-    with preparing():
-        env = HeadTrackingEnv(trial, 0, device)
-        env.warm_up()
-    controller = LqrController(env, motions, config, evaluation.duration)
     record = {"policy": "lqr", "lqr": config.model_dump(mode="json", exclude={"env"})}
-    return evaluate_policy(env, controller, evaluation, out, record)
+    with _reserved(out, evaluation):
+        with preparing():
+            env = HeadTrackingEnv(trial, 0, device)
+            env.warm_up()
+        controller = LqrController(env, motions, config, evaluation.duration)
+        return evaluate_policy(env, controller, evaluation, out, record)
 
 
 def evaluate_policy(
@@ -121,11 +135,11 @@ def evaluate_policy(
     with replacing(out / "table.md") as temporary:
         temporary.write_text(markdown_table(rows, columns) + "\n", encoding="utf-8")
     foot = env.sim.geometry.heel_x, env.sim.geometry.toe_x
-    figures = draw_all(trajectory, rows, published, out, foot) if evaluation.figures else []
-    yaml_files.write_yaml(out / "trial.yaml", record | _conditions(evaluation, env.config))
+    drawn = figures.draw_all(trajectory, rows, published, out, foot) if evaluation.figures else []
+    yaml_files.write_yaml(out / "trial.yaml", record | _conditions(evaluation, env.config) | _digests(out))
 
     print(text_table(rows, columns))
-    for path in (*(out / name for name in ("metrics.csv", "table.md", "trajectories.npz", "trial.yaml")), *figures):
+    for path in (*(out / name for name in ("metrics.csv", "table.md", "trajectories.npz", "trial.yaml")), *drawn):
         print(path)
     return rows
 
@@ -148,11 +162,21 @@ def _measure(trajectory: Trajectory, env: EnvConfig, evaluation: EvaluationConfi
 def is_current(
     out: Path, model: Path, run: TrainConfig, evaluation: EvaluationConfig, changes: EnvChanges, device: str
 ) -> bool:
-    """Whether `out` holds the results of the policy of `model` under these conditions, by this code and these libraries."""
+    """Whether `out` holds the results of the policy of `model` under these conditions, by this code and these libraries, and
+    as they were written."""
     found = yaml_files.read_yaml(out / "trial.yaml")
     expected = _policy_record(model, run) | _conditions(evaluation, trial_config(run.env, evaluation, changes, device))
+    try:
+        expected |= _digests(out)
+    except OSError:
+        return False
     # The path of the policy may have been another one.
     return isinstance(found, dict) and found | {"policy": str(model)} == expected
+
+
+def _digests(out: Path) -> dict[str, Any]:
+    """SHA-256 of the results in `out`, which detect damage."""
+    return {"sha256": {name: hashlib.sha256((out / name).read_bytes()).hexdigest() for name in RESULTS}}
 
 
 def _policy_record(model: Path, run: TrainConfig) -> dict[str, Any]:

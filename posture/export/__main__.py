@@ -7,6 +7,7 @@ python -m posture.export ckpt=latest what=[policy]
 """
 
 import hashlib
+from collections.abc import Sequence
 from pathlib import Path
 
 from envs.config import as_plain
@@ -20,18 +21,27 @@ def export(config: ExportConfig, out: Path) -> None:
     """Write what `config.what` names, to the folder `out`, and print each file."""
     model = run_dir.find_checkpoint(config.ckpt)
     # Imported here, and in the functions below, because they are slow.
-    from posture.export import onnx_policy
     from posture.learning.networks import load_policy
     from posture.storage import checkpoint
 
     run = run_dir.read_config(model.parent)
     load_policy(checkpoint.load(model, config.device), run, model, "cpu")
     if "policy" in config.what:
-        onnx_policy.check_installed()
+        run_dir.writable(out, "policy.onnx")
     if "trajectories" in config.what:
         write_trajectories(config, model, run, out)
     if "policy" in config.what:
         write_policy(model, run, out)
+
+
+def check(configs: Sequence[ExportConfig], in_sweep: bool) -> None:
+    """Raise ConfigError if there is no policy for one of the jobs, or a package is missing."""
+    for ckpt in {config.ckpt: None for config in configs}:
+        run_dir.find_checkpoint(ckpt)
+    if any("policy" in config.what for config in configs):
+        from posture.export import onnx_policy
+
+        onnx_policy.check_installed()
 
 
 def write_trajectories(config: ExportConfig, model: Path, run: TrainConfig, out: Path) -> None:
@@ -82,14 +92,14 @@ def write_policy(model: Path, run: TrainConfig, out: Path) -> None:
     from posture.learning.networks import load_policy
     from posture.storage import checkpoint
 
-    path = run_dir.writable(out, "policy.onnx") / "policy.onnx"
+    path = out / "policy.onnx"
     difference = onnx_policy.write_onnx(load_policy(checkpoint.load(model, "cpu"), run, model, "cpu"), run, model, path)
     print(f"{path}  within {difference:.1g} of the policy in torch ({onnx_policy.CHECKED} observations)")
 
 
 def main() -> None:
     """The command `python -m posture.export`."""
-    entry.run("export", ExportConfig, export)
+    entry.run("export", ExportConfig, export, check)
 
 
 if __name__ == "__main__":

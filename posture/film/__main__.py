@@ -20,11 +20,8 @@ def film(config: FilmConfig, folder: Path) -> None:
     """Roll out the policy that `ckpt` names, and write each film in each format to `folder`."""
     model = run_dir.find_checkpoint(config.ckpt)
     run = run_dir.read_config(model.parent)
-    # Imported here because they are slow.
-    from posture.film.video import check_ffmpeg, write_gif, write_mp4
+    from posture.film.video import write_gif, write_mp4  # here, because it is slow to import
 
-    if "mp4" in config.formats:
-        check_ffmpeg()
     run_dir.writable(folder, *(f"{name}.{kind}" for name in config.films for kind in config.formats))
     from posture.film.trials import ramp, two_modes
 
@@ -38,6 +35,16 @@ def film(config: FilmConfig, folder: Path) -> None:
             print(f"{path}: {length:.2f} s, {len(frames)} frames, {size:.2f} MB; drawn in {seconds:.1f} s", flush=True)
 
 
+def check(configs: Sequence[FilmConfig], in_sweep: bool) -> None:
+    """Raise ConfigError if there is no policy for one of the jobs, or no ffmpeg that can write its films."""
+    for ckpt in {config.ckpt: None for config in configs}:
+        run_dir.find_checkpoint(ckpt)
+    if any("mp4" in config.formats for config in configs):
+        from posture.film.video import check_ffmpeg
+
+        check_ffmpeg()
+
+
 def with_frequency_list(argv: Sequence[str]) -> list[str]:
     """`argv` with `env.freq=0.15,1.5` written as a list. Hydra would read it as a sweep, which it stays with -m."""
     if {"-m", "--multirun"} & set(argv):
@@ -48,7 +55,7 @@ def with_frequency_list(argv: Sequence[str]) -> list[str]:
 def main() -> None:
     """The command `python -m posture.film`."""
     sys.argv[1:] = with_frequency_list(sys.argv[1:])
-    entry.run("film", FilmConfig, film)
+    entry.run("film", FilmConfig, film, check)
 
 
 if __name__ == "__main__":

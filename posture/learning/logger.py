@@ -2,7 +2,10 @@
 
 import contextlib
 import io
+import sys
+import threading
 from collections import deque
+from collections.abc import Iterator
 from typing import Any
 
 import torch
@@ -18,13 +21,50 @@ _NUMBERS, _TENSORS, _BUFFERS = (
 )
 
 
-class Writer(SummaryWriter):
-    """TensorBoard's writer, without the curves over seconds, which rsl-rl writes beside those over iterations."""
+class Writer:
+    """TensorBoard's writer, without the curves over seconds, which rsl-rl writes beside those over iterations.
+
+    When the log cannot be written, as on a full disk, the training goes on without it, and says so once.
+    """
+
+    def __init__(self, folder: str, purge_step: int) -> None:
+        self._folder = folder
+        self._writer: SummaryWriter | None = None
+        self._hook = threading.excepthook
+        threading.excepthook = self._report
+        with self._given_up():
+            self._writer = SummaryWriter(folder, purge_step=purge_step, flush_secs=10)
 
     def add_scalar(self, tag: str, *arguments: Any) -> None:
         """Write a value at an iteration."""
-        if not tag.endswith("/time"):
-            super().add_scalar(tag, *arguments)
+        if self._writer is not None and not tag.endswith("/time"):
+            with self._given_up():
+                self._writer.add_scalar(tag, *arguments)
+
+    def close(self) -> None:
+        """Write buffered data."""
+        if self._writer is not None:
+            with self._given_up():
+                self._writer.close()
+        threading.excepthook = self._hook
+
+    @contextlib.contextmanager
+    def _given_up(self) -> Iterator[None]:
+        """In this context an OSError ends the log."""
+        try:
+            yield
+        except OSError as error:
+            self._writer = None
+            print(
+                f"{self._folder}: the training goes on without its TensorBoard log, events.out.tfevents.*, which cannot be "
+                f"written: {error.strerror}",
+                file=sys.stderr,
+            )
+
+    def _report(self, failed: threading.ExceptHookArgs) -> None:
+        """Leave out the traceback of TensorBoard's thread, whose error the next call raises again."""
+        if not (issubclass(failed.exc_type, OSError) and type(failed.thread).__module__.startswith("tensorboard.")):
+            self._hook(failed)
 
 
 class NullWriter:
@@ -57,7 +97,7 @@ class TrainingLogger(Logger):
             self.writer: Any = NullWriter()
         else:
             # purge_step: what a killed training wrote after its last checkpoint is replaced when it is resumed.
-            self.writer = Writer(self.log_dir, purge_step=self.iterations_done + 1, flush_secs=10)
+            self.writer = Writer(self.log_dir, self.iterations_done + 1)
 
     def stop_logging_writer(self) -> None:
         """Write buffered data, and end the progress line."""

@@ -8,6 +8,7 @@ python -m posture.play record=out.html                   # no page: one file tha
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,17 +21,11 @@ if TYPE_CHECKING:
 def play(config: PlayConfig, folder: Path) -> None:
     """Serve the page until Ctrl-C, or write a recording to `folder`.
 
-    Raises ConfigError if viser is not installed, the port is in use, or the file cannot be written.
+    Raises ConfigError if the port is in use, or the file cannot be written.
     """
-    from importlib.util import find_spec
-
-    from posture.cli import entry
-    from posture.config.errors import ConfigError
     from posture.play.address import check_port
     from posture.storage import run_dir
 
-    if find_spec("viser") is None:
-        raise ConfigError("the page needs viser, which is not installed: python -m pip install viser")
     # What is slow to import is imported after the checks.
     if config.record is not None:
         path = recording_path(config.record, folder)
@@ -39,12 +34,22 @@ def play(config: PlayConfig, folder: Path) -> None:
 
         record(config, path)
         return
-    if entry.in_sweep():
-        raise ConfigError("record: missing; the jobs of a sweep record, because a page is served until it is stopped")
     check_port(config.port)
     from posture.play.server import serve
 
     serve(config)
+
+
+def check(configs: Sequence[PlayConfig], in_sweep: bool) -> None:
+    """Raise ConfigError if viser is not installed, or a job of a sweep would serve a page."""
+    from importlib.util import find_spec
+
+    from posture.config.errors import ConfigError
+
+    if find_spec("viser") is None:
+        raise ConfigError("the page needs viser, which is not installed: python -m pip install viser")
+    if in_sweep and any(config.record is None for config in configs):
+        raise ConfigError("record: missing; the jobs of a sweep record, because a page is served until it is stopped")
 
 
 def recording_path(name: str, folder: Path) -> Path:
@@ -66,7 +71,7 @@ def main() -> None:
         from posture.cli import entry
         from posture.config.play import PlayConfig
 
-        entry.run("play", PlayConfig, play)
+        entry.run("play", PlayConfig, play, check)
 
 
 if __name__ == "__main__":

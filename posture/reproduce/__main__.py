@@ -26,6 +26,7 @@ from posture.config.eval import EvalConfig
 from posture.config.published import read_published
 from posture.config.reproduce import ReproduceConfig
 from posture.config.train import TrainConfig
+from posture.reproduce.page import text
 from posture.storage import run_dir
 
 TRAININGS = ("frequency", "energy", "hip_stiffness")
@@ -49,8 +50,11 @@ class Plan:
 def reproduce(config: ReproduceConfig, folder: Path) -> None:
     """Run the stages of `config`; the report goes into `folder`. Exits with 1 if a job failed; the report shows the results
     so far."""
-    run_dir.writable(folder, "report.html", "summary.md")
+    check_files(folder)
     plan = make_plan(config)
+    if "train" not in config.stages:
+        jobs_of_exp_1 = plan.wanted if "evaluate" in config.stages else plan.trainings
+        _check_done(jobs_of_exp_1["frequency"])
     wanted = [job for own in plan.wanted.values() for job in own]
     progress = SweepProgress(wanted)
     failed = False
@@ -64,6 +68,13 @@ def reproduce(config: ReproduceConfig, folder: Path) -> None:
         failed |= not print_summary(wanted, progress.done_before)
     if failed:
         sys.exit(1)
+
+
+def check_files(folder: Path) -> None:
+    """Raise ConfigError if a file of the report cannot be written to `folder`."""
+    run_dir.writable(folder, "report.html", "summary.md")
+    run_dir.writable(folder / "tables", *(f"{name}.csv" for name in (*TRAININGS, *EVALUATIONS, "verdicts")))
+    run_dir.writable(folder / "figures", *(f"{name}.png" for name in text.FIGURES))
 
 
 def make_plan(config: ReproduceConfig) -> Plan:
@@ -89,8 +100,7 @@ def train(plan: Plan, config: ReproduceConfig, progress: SweepProgress) -> bool:
 
 def report(plan: Plan, config: ReproduceConfig, folder: Path) -> None:
     """Write the page to `folder` and ship policies, as the stages say. Raises ConfigError if there is nothing to report."""
-    if not any(fraction_done(job) >= 1 for job in plan.trainings["frequency"]):
-        raise ConfigError("no policy of Exp. 1 is done: run the stage train first")
+    _check_done(plan.trainings["frequency"])
     # Imported here because they are slow.
     from posture.reproduce.collect import collect
     from posture.reproduce.page.provenance import warnings
@@ -105,6 +115,11 @@ def report(plan: Plan, config: ReproduceConfig, folder: Path) -> None:
         print(write_report(reproduction, paper, config.report, folder, commands(config)))
     if "ship" in config.stages:
         ship([job for own in plan.trainings.values() for job in own], config.report.shipped_seed)
+
+
+def _check_done(exp_1: Sequence[Job]) -> None:
+    if not any(fraction_done(job) >= 1 for job in exp_1):
+        raise ConfigError("no policy of Exp. 1 is done: run the stage train first")
 
 
 def training(name: str, config: ReproduceConfig) -> list[str]:

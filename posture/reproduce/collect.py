@@ -63,7 +63,7 @@ def collect(
     (ramp,) = evaluated["ramp"]
     return Reproduction(
         results={name: found for name, found in results.items() if found},
-        traces=_traces(policies[0], evaluated),
+        traces=_traces(policies[0], evaluated, left_out),
         transitions=theory_transitions(run, search),
         body=read_body(run.env),
         trainings=[_training(name, job) for name, jobs in trained.items() for job in jobs],
@@ -146,10 +146,11 @@ def _of_trial(trial: Job, job: Job, left_out: list[str]) -> list[Result]:
 def _read(
     job: Job, out: Path, evaluation: EvaluationConfig, changes: EnvChanges, device: str, left_out: list[str]
 ) -> list[Result]:
-    """The results in `out`; none if they are of other conditions, another policy or other code: `out` joins `left_out`."""
+    """The results in `out`; none if they are of other conditions, another policy or other code, or damaged: `out` joins
+    `left_out`."""
     model, run = run_dir.newest_model(job.folder), _config(job)
     if model is None or not is_current(out, model, run, evaluation, changes, device):
-        if (out / "metrics.csv").exists():
+        if (out / "trial.yaml").exists() or (out / "metrics.csv").exists():
             left_out.append(str(out))
         return []
     return [replace(result, origin=origin(run, changes, job.folder.name)) for result in read_csv(out / "metrics.csv")]
@@ -184,17 +185,17 @@ def _with_reward_optimum(results: Sequence[Result], run: TrainConfig, freq: floa
     ]
 
 
-def _traces(first: Job, evaluated: Mapping[str, Sequence[Job]]) -> Traces:
-    """Trajectories of the policy of the job `first` of Exp. 1."""
-    load = {_trial(job).env.load: _trajectory(job.folder / first.folder.name) for job in evaluated["load"]}
+def _traces(first: Job, evaluated: Mapping[str, Sequence[Job]], left_out: Sequence[str]) -> Traces:
+    """Trajectories of the policy of the job `first` of Exp. 1, without those in folders that are left out."""
+
+    def trajectory(folder: Path) -> Trajectory | None:
+        file = folder / "trajectories.npz"
+        return Trajectory.read(file) if file.exists() and str(folder) not in left_out else None
+
+    load = {_trial(job).env.load: trajectory(job.folder / first.folder.name) for job in evaluated["load"]}
     (ramp,) = evaluated["ramp"]
     return Traces(
-        frequency=_trajectory(first.folder / "evaluation"),
-        ramp=_trajectory(ramp.folder / first.folder.name),
-        load={kg: trajectory for kg, trajectory in load.items() if kg is not None and trajectory is not None},
+        frequency=trajectory(first.folder / "evaluation"),
+        ramp=trajectory(ramp.folder / first.folder.name),
+        load={kg: found for kg, found in load.items() if kg is not None and found is not None},
     )
-
-
-def _trajectory(folder: Path) -> Trajectory | None:
-    file = folder / "trajectories.npz"
-    return Trajectory.read(file) if file.exists() else None

@@ -8,13 +8,14 @@ events.out.*      TensorBoard
 evaluation/       output of posture.eval
 """
 
+import contextlib
 import datetime
 import errno
 import os
 import re
 import stat
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from posture.config import torchrun
@@ -25,6 +26,8 @@ from posture.storage import yaml_files
 from posture.storage.migration import upgrade
 
 RUNS = Path("runs")
+FILES = ("config.yaml", "provenance.yaml", "resume.pt", ".lock")
+"""Files that a training writes into its folder, beside those that are numbered."""
 PRETRAINED = Path(__file__).resolve().parent.parent / "pretrained"
 """Run folders shipped with the package, each with one policy (posture/reproduce/ship.py)."""
 
@@ -127,6 +130,12 @@ def newest_model(run: Path) -> Path | None:
     return max(models, key=iteration_of, default=None)
 
 
+def iterations_of_newest(run: Path) -> int:
+    """Iterations after which the newest checkpoint of `run` was saved; 0 if there is none."""
+    model = newest_model(run)
+    return 0 if model is None else iteration_of(model)
+
+
 def iteration_of(model: Path) -> int:
     """Iterations after which a checkpoint was saved, from its file name."""
     return int(model.stem.removeprefix("model_"))
@@ -157,10 +166,26 @@ def writable(folder: Path, *files: str) -> Path:
         raise ConfigError(f"cannot write to the folder {folder}: {error.strerror}") from None
     for path in (folder / name for name in files):
         try:
-            if stat.S_ISDIR(path.lstat().st_mode):
+            mode = path.lstat().st_mode
+            if stat.S_ISDIR(mode):
                 raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+            if not stat.S_ISREG(mode) and not stat.S_ISLNK(mode):
+                raise OSError(errno.EINVAL, "A pipe or a device has this name")
         except FileNotFoundError:
             pass
         except OSError as error:  # also a name that is too long
             raise ConfigError(f"cannot write the file {path}: {error.strerror}") from None
     return folder
+
+
+@contextlib.contextmanager
+def removed_if_empty(*folders: Path) -> Iterator[None]:
+    """At the end of this context remove those of `folders`, and of the folders that they are in, that were created in it and
+    are empty."""
+    missing = [path for folder in folders for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        yield
+    finally:
+        for path in missing:
+            with contextlib.suppress(OSError):
+                path.rmdir()

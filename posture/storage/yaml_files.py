@@ -1,5 +1,6 @@
 """YAML files of plain values, without tags, anchors or interpolations."""
 
+import stat
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ _ALLOWED = "allowed are plain values, as posture.train writes them"
 def read(path: Path) -> Any:
     """The content of a file. Raises ConfigError if it cannot be read, or has a tag or an anchor."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = _text(path)
         # A tag can name a class to create, and anchors let a short file expand to an endless one.
         if any(isinstance(token, (yaml.AnchorToken, yaml.TagToken)) for token in yaml.scan(text)):
             raise ConfigError(f"{path}: has a tag or an anchor; {_ALLOWED}")
@@ -48,6 +49,12 @@ def write_yaml(path: Path, values: Any) -> None:
 def read_yaml(path: Path) -> Any:
     """The content of a file that `write_yaml` wrote; None if it does not exist or cannot be read."""
     try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
+        return yaml.safe_load(_text(path))
     except (OSError, ValueError, RecursionError, yaml.YAMLError):
         return None
+
+
+def _text(path: Path) -> str:
+    if not stat.S_ISREG(path.stat().st_mode):  # reading a pipe would block, and a device might never end
+        raise OSError("not a file")
+    return path.read_text(encoding="utf-8")

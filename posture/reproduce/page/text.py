@@ -46,7 +46,10 @@ How to cite this software and the paper: CITATION.cff.
 
 MIXED = "**These results are mixed:** their trainings differ in {what}. Numbers may differ for this reason alone."
 
-LEFT_OUT = "**Left out**, because they come from other code or another configuration than this page: {count} ({names})."
+LEFT_OUT = (
+    "**Left out**, because they come from other code or another configuration than this page, or are damaged: {count} "
+    "({names})."
+)
 
 FIGURES: dict[str, tuple[str, str]] = {
     "figure_2": (

@@ -2,6 +2,7 @@
 
 import csv
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -90,6 +91,29 @@ def test_columns_that_are_unknown_or_missing_are_named(tmp_path):
     path.write_text("freq_hz,hip_k_nm_per_rad,ankle_k_nm_per_rad,load_kg,valid\n1,125,25,0,True\n")
     with pytest.raises(ValueError, match="rows.csv: missing columns fell"):
         read_csv(path)
+
+
+def test_a_damaged_file_is_refused_in_one_line(tmp_path):
+    path = tmp_path / "rows.csv"
+    write_csv([STOOD, FELL], path)
+    whole = path.read_bytes()
+    header, first, _ = whole.splitlines(keepends=True)
+    for damaged, why in (
+        (b"", "missing columns freq_hz"),
+        (header, "has no rows"),
+        (header[:200], "unknown columns"),
+        (whole[: len(header) + 20], "line 2 is damaged"),
+        (whole[:-40], "line 3 is damaged"),
+        (whole[:-1], "was cut short"),
+        (header + first.replace(b"True", b"Tru"), "line 2 is damaged"),
+        (header + first[:-1] + b",1\n", "line 2 is damaged"),
+        (whole.replace(b"in-phase", b"\xff\xfe"), "not a text in UTF-8"),
+        (whole.replace(b"125", b"12x"), "line 2 is damaged"),
+    ):
+        path.write_bytes(damaged)
+        with pytest.raises(ValueError, match=f"^{re.escape(str(path))}: .*{why}") as error:
+            read_csv(path)
+        assert "\n" not in str(error.value)
 
 
 def test_a_file_of_nothing_is_refused(tmp_path):

@@ -128,6 +128,8 @@ REFUSED = [  # beside the ranges, which every key has (test above)
     ("train", "env.reward.alive={start:1e-9,end:1e4,until:0.5}", "env.reward.alive: start and end must not lie further"),
     ("train", "env.reward.alive=x", "env.reward.alive = x: allowed is a number, or a schedule"),
     ("train", "env.observations.policy=[head,balance]", "env.observations.policy: unknown balance"),
+    ("train", "env.observations.policy=[head,head]", "env.observations.policy: head appears 2 times; give each name once"),
+    ("train", "agent.obs_groups.critic=[policy,policy]", "agent.obs_groups.critic: policy appears 2 times"),
     ("train", "agent.algorithm.num_mini_batches=40000", "env.num_envs x agent.num_steps_per_env = 32768 samples"),
     ("train", "agent.actor.hidden_dims=[1000000]", "agent.actor.hidden_dims.0"),
     ("train", "agent.actor.class_name=os.system", "agent.actor.class_name"),

@@ -1,5 +1,6 @@
 """Commands as users type them: real runs of tiny size, and one clear line with exit code 2 for bad input."""
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -28,6 +29,8 @@ def _elsewhere(tmp_path, monkeypatch):
     [
         ("env.frequency=1", "env.frequency: no such key; allowed there are num_envs, freq, ramp"),
         ("+env.frequency=1", "env.frequency: no such key"),
+        ("env.ramp.start=0.1", "env.ramp has none; give all of it, as in 'env.ramp={start: .., rate: .., duration: ..}'"),
+        ("resume.run=1", "resume.run: no such key, since resume has none"),
         ("env.freq=[", "no viable alternative"),
         ("env=papers", "Could not find 'env/papers'"),
         ("env=null", "group override must be a string"),
@@ -43,6 +46,21 @@ def _elsewhere(tmp_path, monkeypatch):
 def test_bad_input_to_train(monkeypatch, capsys, argument, expected):
     assert expected in refused(monkeypatch, capsys, "train", argument)
     assert runs() == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["hydra.verbose=[1]"], "A logger name must be a string"),
+        (["hydra.job_logging.version=7"], "Unsupported version: 7"),
+        (["hydra.job_logging.version=7", "-m", "seed=1,2"], "Unsupported version: 7"),
+        (["hydra/launcher=joblib", "hydra.launcher.n_jobs=0", "-m", "seed=1,2"], "n_jobs == 0 in Parallel has no meaning"),
+    ],
+)
+def test_a_key_of_hydra_with_which_it_cannot_start(monkeypatch, capsys, arguments, expected):
+    line = refused(monkeypatch, capsys, "train", *TINY, *arguments)
+    assert line.startswith("error: Hydra cannot start the command, see its keys hydra.*: ") and expected in line
+    assert not list(Path.cwd().rglob("config.yaml"))
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="this machine has CUDA")
@@ -100,6 +118,27 @@ def test_an_evaluation_by_other_libraries_does_not_count(trained, monkeypatch):
     assert is_current(*conditions)
     monkeypatch.setattr(provenance, "library_versions", lambda: {"newton": "0.1"})
     assert not is_current(*conditions)
+
+
+@pytest.mark.parametrize("name", ["metrics.csv", "trajectories.npz"])
+def test_damaged_results_are_computed_again(trained, monkeypatch, capsys, tmp_path, name):
+    run = shutil.copytree(trained, tmp_path / "run")
+    path = run / "evaluation" / name
+    whole = path.read_bytes()
+    header = whole.splitlines(keepends=True)[0]
+    assert evaluated_before(monkeypatch, capsys, run)
+    for damage in (b"", header, whole[: len(whole) * 2 // 3], b"\xff" + whole, whole.replace(b"5", b"6", 1), None):
+        path.unlink() if damage is None else path.write_bytes(damage)
+        assert not evaluated_before(monkeypatch, capsys, run)
+        assert path.read_bytes() == whole
+    assert evaluated_before(monkeypatch, capsys, run)
+
+
+def evaluated_before(monkeypatch, capsys, run):
+    call(monkeypatch, "eval", f"ckpt={run}", "again=false", *EVALUATION, "evaluation.figures=false")
+    printed = capsys.readouterr().out
+    assert " 0.5 " in printed and " 1.5 " in printed  # both rows of the table
+    return "evaluated before" in printed
 
 
 def test_tensorboard_has_the_curves(trained):

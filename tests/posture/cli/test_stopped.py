@@ -2,17 +2,20 @@
 
 import contextlib
 import errno
+import itertools
 import os
 import random
 import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 import uuid
 from pathlib import Path
 
 import pytest
+from tensorboard.summary.writer.record_writer import RecordWriter
 
 from posture.cli import signals
 from posture.cli.sweep import status
@@ -259,13 +262,21 @@ def begun(trained):
     return Path(shutil.copytree(trained / "begun", "begun"))
 
 
+@pytest.fixture
+def saving(monkeypatch):
+    """The names of the checkpoints whose save has begun; temporary files do not show them."""
+    names, save = [], checkpoint.save
+    monkeypatch.setattr(checkpoint, "save", lambda content, path: (names.append(path.name), save(content, path)))
+    return names
+
+
 class Cut(BaseException):
     """The moment at which a process is killed."""
 
 
 @pytest.mark.parametrize("name", ["model_3.pt", "resume.pt"])
 @pytest.mark.parametrize("moment", ["before the file is renamed", "before the file is written", "after it is renamed"])
-def test_an_interrupted_save_loses_nothing(trained, begun, monkeypatch, name, moment):
+def test_an_interrupted_save_loses_nothing(trained, begun, saving, monkeypatch, name, moment):
     """After a kill at that moment the run continues from what resume.pt says, exactly."""
     with monkeypatch.context() as patch:
         replace, write = os.replace, Path.write_bytes
@@ -278,7 +289,7 @@ def test_an_interrupted_save_loses_nothing(trained, begun, monkeypatch, name, mo
                 raise Cut
 
         def cut_write(path, content):
-            if "written" in moment and path.name.startswith(f".{name}."):
+            if "written" in moment and saving[-1] == name:
                 write(path, content[: len(content) // 2])
                 raise Cut
             return write(path, content)
@@ -297,11 +308,9 @@ def test_an_interrupted_save_loses_nothing(trained, begun, monkeypatch, name, mo
     assert steps(begun) == [1, 2, 3, 4]
 
 
-def test_the_last_checkpoint_is_written_once(begun, monkeypatch):
-    written, save = [], checkpoint.save
-    monkeypatch.setattr(checkpoint, "save", lambda content, path: (written.append(path.name), save(content, path)))
+def test_the_last_checkpoint_is_written_once(begun, saving, monkeypatch):
     call(monkeypatch, "train", f"resume={begun}", "max_iterations=3")
-    assert written == ["model_3.pt", "resume.pt"]
+    assert saving == ["model_3.pt", "resume.pt"]
 
 
 def test_temporary_files_are_removed_by_the_next_start_and_others_kept(begun, monkeypatch, capsys):
@@ -324,12 +333,12 @@ def test_temporary_files_are_removed_by_the_next_start_and_others_kept(begun, mo
 
 
 @pytest.mark.parametrize("name", ["model_3.pt", "resume.pt"])
-def test_a_full_disk_is_one_line_and_loses_nothing_saved(begun, monkeypatch, capfd, name):
+def test_a_full_disk_is_one_line_and_loses_nothing_saved(begun, saving, monkeypatch, capfd, name):
     kept = {path: path.read_bytes() for path in begun.glob("*.pt")}
     write = Path.write_bytes
 
     def full(path, content):
-        if name in path.name:
+        if saving[-1] == name:
             write(path, content[:100])
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return write(path, content)
@@ -345,6 +354,27 @@ def test_a_full_disk_is_one_line_and_loses_nothing_saved(begun, monkeypatch, cap
     assert iterations_done(begun) == 2 and not list(begun.glob(".*.tmp"))
     call(monkeypatch, "train", f"resume={begun}", "max_iterations=4")
     assert iterations_done(begun) == 4
+
+
+@pytest.mark.parametrize("written", [0, 30])
+def test_a_log_that_cannot_be_written_does_not_end_the_training(trained, begun, monkeypatch, capfd, written):
+    """After `written` values of its TensorBoard log, by a thread whose traceback is not shown."""
+    write, calls = RecordWriter.write, itertools.count()
+
+    def full(writer, data):
+        if next(calls) >= written:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        write(writer, data)
+
+    hook = threading.excepthook
+    with monkeypatch.context() as patch:
+        patch.setattr(RecordWriter, "write", full)
+        capfd.readouterr()
+        call(patch, "train", f"resume={begun}", "max_iterations=4")
+    (line,) = capfd.readouterr().err.strip().splitlines()
+    assert line.startswith(f"{begun.absolute()}: the training goes on without its TensorBoard log")
+    assert line.endswith("cannot be written: No space left on device")
+    assert equal(begun, trained / "whole", 4) and threading.excepthook is hook
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")

@@ -87,16 +87,17 @@ def test_a_second_start_does_what_is_missing(monkeypatch, capsys):
 @launchers(JOBLIB)
 def test_a_failed_job_is_named_and_stops_no_other(monkeypatch, capsys, launcher):
     broken, sound = folders(UNEVALUATED)
-    (broken / "provenance.yaml").mkdir(parents=True)  # so that it cannot be written
+    broken.mkdir(parents=True)
+    (broken / "provenance.yaml").write_text("text")
     with pytest.raises(SystemExit) as stop:
         call(monkeypatch, "train", *UNEVALUATED, *launcher)
     printed = capsys.readouterr()
     assert stop.value.code == 1
     assert "sweep: 1 of 2 jobs done" in printed.out
-    assert re.search(rf"failed: .*{broken.name}: .*provenance.yaml: cannot be read .*Is a directory", printed.out)
+    assert re.search(rf"failed: .*{broken.name}: .*provenance.yaml: not a list", printed.out)
     assert "Traceback" in (broken / "error.txt").read_text() and "Traceback" not in printed.out + printed.err
     assert (sound / "model_2.pt").exists() and not (sound / "error.txt").exists()
-    (broken / "provenance.yaml").rmdir()
+    (broken / "provenance.yaml").unlink()
     before = models()
     call(monkeypatch, "train", *UNEVALUATED, *launcher)
     assert "2 of 2 jobs done, 1 of them before" in capsys.readouterr().out

@@ -15,12 +15,11 @@ from posture.config.film import FilmConfig
 from posture.drawing.silhouette import TARGET_COLOUR
 from posture.drawing.style import BLUE, FALL_COLOUR, RED
 from posture.film import trials
-from posture.film.__main__ import film, with_frequency_list
+from posture.film.__main__ import with_frequency_list
 from posture.film.pictures import RampFilm, TwoModesFilm
 from posture.film.sampling import SampledTrial, running_correlation, sample
 from posture.storage import run_dir
 from posture.storage.run_dir import PRETRAINED
-from tests import commands
 from tests.commands import refused
 from tests.conftest import composed
 from tests.posture.film.test_video import decode_gif, decode_mp4
@@ -31,7 +30,6 @@ HEIGHT = 1.7  # of the target [m], paper Table 1
 @pytest.fixture(autouse=True)
 def _in_tmp_path(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(commands.ENTRIES, "film", (FilmConfig, film))
 
 
 def configured(*overrides):

@@ -11,9 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from posture.config.play import PlayConfig
-from posture.play.__main__ import play
-from tests import commands
 from tests.commands import call, refused
 
 ROOT = Path(__file__).parents[3]
@@ -22,7 +19,6 @@ ROOT = Path(__file__).parents[3]
 @pytest.fixture(autouse=True)
 def _in_tmp_path(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(commands.ENTRIES, "play", (PlayConfig, play))
 
 
 @pytest.mark.parametrize(

@@ -101,6 +101,16 @@ def test_shipped_policies_are_small_and_can_be_evaluated(reproduced, monkeypatch
         ("report.grid.amplitudes_m=[0.1,0.06]", "amplitudes_m must rise"),
         ("overrides=['env.hip_k=-5']", "env.hip_k = -5"),
         ("stages=[report]", "no policy of Exp. 1 is done"),
+        ("stages=[evaluate]", "no policy of Exp. 1 is done: run the stage train first"),
+        ("stages=[ship]", "no policy of Exp. 1 is done"),
+        *(
+            (f"overrides=['{text}']", f"{text!r}: allowed are keys of a training with their values")
+            for text in (
+                *("-h", "-m", "--help", "-cn=eval", "--config-dir=conf", "", " ", "device", "=1", " out=there"),
+                *("out=there", "+out=there", "seed=1", "seed=1,2", "++seed=1", "experiment=load", "resume=latest"),
+                *("hydra/launcher=basic", "hydra.run.dir=there", "hydra={}", "~seed", "experiment@a=load"),
+            )
+        ),
     ],
 )
 def test_bad_input(monkeypatch, capsys, tmp_path, argument, expected):

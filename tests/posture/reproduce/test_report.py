@@ -83,7 +83,8 @@ def write_evaluation(out: Path, job: Job, evaluation: EvalConfig | None, results
     write_csv([replace(result, origin=NO_ORIGIN) for result in results], out / "metrics.csv")
     trace.save(out / "trajectories.npz")
     env = trial.trial_config(run.env, how, changes, run.device)
-    yaml_files.write_yaml(out / "trial.yaml", trial._policy_record(model_of(job), run) | trial._conditions(how, env))
+    record = trial._policy_record(model_of(job), run) | trial._conditions(how, env) | trial._digests(out)
+    yaml_files.write_yaml(out / "trial.yaml", record)
 
 
 def write_all(plan: command.Plan) -> None:
@@ -173,10 +174,13 @@ def test_results_of_other_code_are_left_out_and_named(
     first, second = plan.wanted["frequency"]
     path = first.folder / "evaluation" / "trial.yaml"
     yaml_files.write_yaml(path, yaml_files.read_yaml(path) | {"training_code": "other"})
+    (trial_1, *_) = plan.evaluations["load"]
+    damaged = trial_1.folder / second.folder.name
+    (damaged / "metrics.csv").unlink()
     older = Job(second.config, second.folder.with_name("seed-2_older"))
     write_training(older)
     command.report(plan, config, Path("other"))
-    names = f"2 (`{older.folder}`, `{path.parent}`)"
+    names = f"3 (`{older.folder}`, `{path.parent}`, `{damaged}`)"
     assert "Left out" in (warning := capsys.readouterr().err) and names in warning
     summary = Path("other/summary.md").read_text(encoding="utf-8")
     assert names in summary and f"<code>{path.parent}</code>" in Path("other/report.html").read_text(encoding="utf-8")

@@ -1,6 +1,8 @@
 """Runs and jobs write only into their own folders, whatever their names, and one process at a time."""
 
 import contextlib
+import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -75,9 +77,16 @@ def test_a_read_only_folder_is_refused(monkeypatch, capsys):
         (["eval", "policy=lqr", "evaluation.freq=[0.5]", "out=out"], "trial.yaml"),
         (["export", "what=[trajectories]", "evaluation.freq=[0.5]", "out=out"], "trajectory_0.5Hz.csv"),
         (["export", "what=[policy]", "out=out"], "policy.onnx"),
+        (["export", "evaluation.freq=[0.5]", "out=out"], "policy.onnx"),
+        (["eval", "ckpt=pretrained", "evaluation.freq=[0.5]", "out=out"], "tracking.png"),
+        (["eval", "policy=lqr", "evaluation.freq=[0.5]", "out=out"], "joint_angles.png"),
+        (["theory", "out=out"], "theory_map.png"),
+        (["theory", "out=out"], "figure_13.csv"),
         (["film", "films=[ramp]", "formats=[gif]", "out=out"], "ramp.gif"),
         (["play", "record=out/session.html"], "session.html"),
         (["reproduce", "out=out"], "report.html"),
+        (["reproduce", "out=out"], "tables/ramp.csv"),
+        (["reproduce", "out=out"], "figures/figure_5.png"),
     ],
 )
 def test_a_folder_in_the_place_of_a_file_is_refused_before_the_work(monkeypatch, capsys, arguments, file):
@@ -85,6 +94,43 @@ def test_a_folder_in_the_place_of_a_file_is_refused_before_the_work(monkeypatch,
     before = tree(Path.cwd())
     assert f"out/{file}: Is a directory" in refused(monkeypatch, capsys, *arguments)
     assert tree(Path.cwd()) == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "path"),
+    [
+        (["seed=1", "out=out"], "out/config.yaml"),
+        (["seed=1", "out=out"], "out/model_1.pt"),
+        (["seed=1", "out=out"], "out/.lock"),
+        (["-m", "seed=1,2", "out=out"], "out/1_seed-2/provenance.yaml"),
+        (["-m", "seed=1,2", "out=out"], "out/1_seed-2/status.yaml"),
+        (["-m", "seed=1,2", "out=out"], "out/1_seed-2/error.txt"),
+        (["-m", "seed=1,2", "out=out"], "out/1_seed-2/log.txt"),
+    ],
+)
+@pytest.mark.parametrize(("make", "why"), [(Path.mkdir, "Is a directory"), (os.mkfifo, "A pipe or a device")])
+def test_a_folder_or_a_pipe_in_the_place_of_a_file_of_a_training(monkeypatch, capsys, arguments, path, make, why):
+    Path(path).parent.mkdir(parents=True)
+    make(Path(path))
+    before = tree(Path.cwd())
+    assert f"{path}: {why}" in refused(monkeypatch, capsys, "train", *QUICK, *arguments)
+    assert tree(Path.cwd()) == before
+
+
+def test_a_file_in_the_place_of_the_evaluation_is_refused_before_the_training(monkeypatch, capsys):
+    Path("out").mkdir()
+    Path("out/evaluation").touch()
+    line = refused(monkeypatch, capsys, "train", *QUICK, "evaluate=true", "out=out")
+    assert "cannot write to the folder out/evaluation: Not a directory" in line and runs() == []
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
+def test_a_pipe_in_the_place_of_a_yaml_file_is_not_read(tmp_path):
+    os.mkfifo(tmp_path / "status.yaml")
+    assert yaml_files.read_yaml(tmp_path / "status.yaml") is None
+    for path in (tmp_path / "status.yaml", Path("/dev/zero")):
+        with pytest.raises(ConfigError, match=r"cannot be read \(not a file\)"):
+            yaml_files.read(path)
 
 
 def test_a_file_name_that_is_too_long_for_the_file_system_is_refused(tmp_path):
@@ -95,6 +141,12 @@ def test_a_file_name_that_is_too_long_for_the_file_system_is_refused(tmp_path):
 def test_an_empty_sweep_is_refused(monkeypatch, capsys):
     assert "the sweep is empty" in refused(monkeypatch, capsys, "train", "-m", *QUICK, "seed=range(1,1)")
     assert runs() == []
+
+
+@pytest.mark.parametrize("swept", ["seed=1,1", "env.hip_k=25,25.0"])
+def test_jobs_that_would_do_the_same_are_refused(monkeypatch, capsys, swept):
+    line = refused(monkeypatch, capsys, "train", "-m", *QUICK, swept)
+    assert "two jobs of the sweep would do the same" in line and line.endswith("give each value once") and runs() == []
 
 
 def test_jobs_have_different_folders_within_the_sweep(monkeypatch, capsys, tmp_path):
@@ -170,6 +222,45 @@ def test_a_folder_is_refused_until_the_process_that_uses_it_ends(monkeypatch, ca
         assert not is_busy(job)
     call(monkeypatch, "train", *QUICK, f"hydra.run.dir={job}")
     assert (job / "model_1.pt").is_file()
+
+
+@pytest.mark.parametrize("command", ["eval", "eval policy=lqr", "export", "film", "theory", "reproduce"])
+def test_no_command_writes_into_a_folder_that_another_process_uses(monkeypatch, capsys, command):
+    """The refusal comes before any work: the folder stays as it is."""
+    name, *arguments = command.split()
+    policy = ["ckpt=pretrained"] if command in ("eval", "export", "film") else []
+    with held_by_another_process(Path("results")):
+        line = refused(monkeypatch, capsys, name, *arguments, *policy, "out=results")
+    assert "results: another process is using this folder" in line
+    assert [path.name for path in Path("results").iterdir()] == [".lock"]
+
+
+def test_the_evaluation_of_a_run_is_that_of_one_process(sound, monkeypatch, capsys, tmp_path):
+    """Its folder is locked, not that of the run, which may still be in training."""
+    run = shutil.copytree(sound, tmp_path / "run")
+    trial = [option for option in TINY if option.startswith("evaluation")]
+    with held_by_another_process(run / "evaluation"):
+        for command in (
+            ["eval", f"ckpt={run}", *trial],
+            ["train", *QUICK, "max_iterations=2", "evaluate=true", f"out={run}"],
+        ):
+            line = refused(monkeypatch, capsys, *command)
+            assert line.startswith(f"error: {run}/evaluation: another process is using this folder")
+        assert [path.name for path in (run / "evaluation").iterdir()] == [".lock"]
+    with held_by_another_process(run):
+        call(monkeypatch, "eval", f"ckpt={run}", *trial, "evaluation.figures=false")
+    names = {path.name for path in (run / "evaluation").iterdir()}
+    assert names == {"metrics.csv", "table.md", "trajectories.npz", "trial.yaml"}
+
+
+def test_a_lock_leaves_nothing_behind():
+    with locked(Path("new/folder")), locked(Path("new/folder")):
+        assert Path("new/folder/.lock").exists()
+    assert not Path("new").exists()
+    Path("kept").mkdir()
+    with locked(Path("kept")):
+        pass
+    assert not list(Path("kept").iterdir())
 
 
 def test_a_job_of_another_process_is_skipped(capsys):

@@ -93,6 +93,22 @@ def test_a_folder_without_a_checkpoint_is_free(run):
     assert answer("train", *QUICK, f"hydra.run.dir={run}", "env.hip_k=60")[0] == 0
 
 
+def test_checkpoints_without_the_state_of_their_training_are_kept(run, monkeypatch, capsys):
+    """The training cannot go on; if it is complete, it is not repeated."""
+    (run / "resume.pt").unlink()
+    again = ["train", *QUICK, f"hydra.run.dir={run}"]
+    before = contents(run)
+    call(monkeypatch, *again)
+    assert "already trained" in capsys.readouterr().out and contents(run) == before
+    (run / "model_2.pt").unlink()
+    before = contents(run)
+    assert f"{run}: holds checkpoints without resume.pt" in refused(monkeypatch, capsys, *again)
+    shutil.copytree(run, "sweep/0_seed-1")
+    sweep = ["train", "-m", *QUICK, "seed=1,2", "hydra.sweep.dir=sweep"]
+    assert "sweep/0_seed-1: holds checkpoints without resume.pt" in refused(monkeypatch, capsys, *sweep)
+    assert contents(run) == before
+
+
 def test_a_run_is_resumed_in_its_own_folder(run, monkeypatch, capsys):
     line = refused(monkeypatch, capsys, "train", f"resume={run}", "max_iterations=3", "hydra.run.dir=other")
     assert "a resumed run stays in its folder" in line and not Path("other").exists()

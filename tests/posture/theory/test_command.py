@@ -57,6 +57,15 @@ def test_tables_and_map(monkeypatch, capsys):
     assert len(table(Path("here/around.csv"))) == 3  # a tolerance beyond the amplitude is left out
 
 
+def test_without_values_around_the_stander_there_is_no_such_table(monkeypatch, capsys):
+    Path("here").mkdir()
+    Path("here/around.csv").write_text("of an earlier start")
+    nothing = ["around.ankle_k=[]", "around.load=[]", "around.tolerance=[0.2]"]  # beyond the amplitude
+    call(monkeypatch, "theory", *TINY[:5], "search=[0.5,0.8]", *nothing, "out=here")
+    assert "one parameter varied" not in capsys.readouterr().out
+    assert sorted(path.name for path in Path("here").iterdir()) == [name for name in FILES if name != "around.csv"]
+
+
 def test_overrides_and_sweeps_make_a_folder_a_job(monkeypatch):
     call(monkeypatch, "theory", "-m", *TINY, "env.hip_k=75,100", "env.load=2")
     jobs = sorted(path for path in Path("runs").glob("*/*") if path.is_dir())
