@@ -15,18 +15,22 @@ from typing import Any
 
 
 class _Lossy(io.RawIOBase):
-    """A raw stream on which failed writes count as done."""
+    """A raw stream that writes everything, and on which failed writes count as done."""
 
     def __init__(self, raw: io.RawIOBase) -> None:
         self._raw = raw
 
     def write(self, data: Any) -> int:
-        try:
-            while (written := self._raw.write(data)) is None:  # the pipe is full and does not block
-                select.select([], [self._raw], [])
-            return written
-        except OSError:
-            return memoryview(data).nbytes
+        left = memoryview(data).cast("B")
+        size = len(left)
+        with contextlib.suppress(OSError):
+            while left:
+                written = self._raw.write(left)
+                if written is None:  # the pipe is full and does not block
+                    select.select([], [self._raw], [])
+                else:
+                    left = left[written:]
+        return size
 
     def writable(self) -> bool:
         return True
@@ -69,5 +73,5 @@ def log_file(path: Path) -> io.TextIOWrapper:
 
 
 def _text(raw: io.RawIOBase, encoding: str, line_buffering: bool) -> io.TextIOWrapper:
-    buffer = io.BufferedWriter(_Lossy(raw))
-    return io.TextIOWrapper(buffer, encoding, errors="backslashreplace", line_buffering=line_buffering)
+    # Without a BufferedWriter, which would write again what a signal interrupted after it was written.
+    return io.TextIOWrapper(_Lossy(raw), encoding, errors="backslashreplace", line_buffering=line_buffering)  # type: ignore[arg-type]

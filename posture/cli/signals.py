@@ -41,7 +41,9 @@ def handled() -> Iterator[None]:
         yield
     finally:
         for number, handler in own.items():
-            signal.signal(number, handler)
+            # A closed terminal sends SIGHUP again while the process ends.
+            repeats = _hung_up and number not in (signal.SIGINT, signal.SIGTERM)
+            signal.signal(number, signal.SIG_IGN if repeats else handler)
 
 
 @contextlib.contextmanager

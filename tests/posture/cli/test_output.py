@@ -1,5 +1,6 @@
 """Commands whose output cannot be written: their work goes on to its end."""
 
+import io
 import os
 import subprocess
 import sys
@@ -84,3 +85,20 @@ def test_a_training_without_a_reader_is_completed(tmp_path):
     done = subprocess.run(command, cwd=tmp_path, stdout=write, stderr=write, timeout=100)
     os.close(write)
     assert done.returncode == 0 and (tmp_path / "run" / "model_2.pt").is_file()
+
+
+def test_what_a_signal_interrupts_after_it_was_written_is_written_once():
+    class Interrupted(io.RawIOBase):
+        written = b""
+
+        def write(self, data):
+            self.written += bytes(data)
+            raise KeyboardInterrupt
+
+    raw = Interrupted()
+    stream = output._text(raw, "utf-8", True)
+    with pytest.raises(KeyboardInterrupt):
+        print("the address", file=stream, flush=True)
+    raw.write = lambda data: raw.__setattr__("written", raw.written + bytes(data)) or len(data)
+    print("the end", file=stream, flush=True)
+    assert raw.written == b"the address\nthe end\n"
