@@ -139,7 +139,7 @@ def evaluate_policy(
     yaml_files.write_yaml(out / "trial.yaml", record | _conditions(evaluation, env.config) | _digests(out))
 
     print(text_table(rows, columns))
-    for path in (*(out / name for name in ("metrics.csv", "table.md", "trajectories.npz", "trial.yaml")), *drawn):
+    for path in (*(out / name for name in FILES), *drawn):
         print(path)
     return rows
 
