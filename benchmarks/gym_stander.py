@@ -6,6 +6,7 @@ of its configuration; tests/test_benchmarks.py compares the two. `Pool` runs man
 
 import math
 import multiprocessing
+from collections import deque
 from collections.abc import Callable
 
 import gymnasium
@@ -17,6 +18,7 @@ from envs.body.joints import ANKLES, FEET, HIPS, JOINTS
 from envs.config import EnvConfig
 from envs.engines.mujoco_c import build
 from envs.task import rewards, terminations
+from envs.task.observations import PAST, PAST_STEPS
 
 FORK = "fork"
 """How processes start: with spawn each would import Newton again."""
@@ -61,6 +63,7 @@ class StanderEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self.length = int(self.np_random.integers(length[0], length[1] + 1)) if isinstance(length, tuple) else length
         self.episode_step = 0
         self.action[:] = 0.0
+        self.track = deque([0.0] * (PAST * PAST_STEPS + 1), PAST * PAST_STEPS + 1)
         mujoco.mj_resetData(self.model, self.data)
         mujoco.mj_kinematics(self.model, self.data)
         self.foot_start = self.data.xpos[self.feet]
@@ -97,6 +100,8 @@ class StanderEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         angle = speed * self.episode_step * config.control_dt
         self.target_x = config.amplitude * (1.0 - math.cos(angle))
         self.target_vx = config.amplitude * speed * math.sin(angle)
+        self.target_ax = config.amplitude * speed**2 * math.cos(angle)
+        self.track.appendleft(self.target_x)
 
     def _ended(self) -> bool:
         limits = self.config.termination
@@ -114,7 +119,8 @@ class StanderEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         stay = rewards.closeness(sum(self.foot_displacement) / len(FEET), terms.stay_sharpness)
         tracking = rewards.closeness(self.target_x - self.head_x, terms.target_sharpness)
         return terms.scale * float(
-            rewards.weight(terms.stay_weight, self.steps, self.training_steps) * stay
+            -terms.tolerance_weight * max(abs(self.target_x - self.head_x) - terms.tolerance, 0.0)
+            + rewards.weight(terms.stay_weight, self.steps, self.training_steps) * stay
             + rewards.weight(terms.target_weight, self.steps, self.training_steps) * tracking
             + rewards.weight(terms.alive, self.steps, self.training_steps)
             + rewards.weight(config.energy_weight, self.steps, self.training_steps) * (energy + torque)
@@ -141,6 +147,9 @@ TERMS: dict[str, Callable[[StanderEnv], object]] = {
     "last_command": lambda env: env.action[:2],
     "target": lambda env: (env.target_x,),
     "target_velocity": lambda env: (env.target_vx,),
+    "target_acceleration": lambda env: (env.target_ax,),
+    "target_frequency": lambda env: (env.freq,),
+    "target_history": lambda env: env.target_x - np.array(env.track)[PAST_STEPS::PAST_STEPS],
     "target_error": lambda env: (env.target_x - env.head_x,),
 }
 """The supported terms of envs/task/observations.py, by name."""

@@ -98,6 +98,8 @@ class RewardConfig(Strict):
     target_weight: Weight
     target_sharpness: Sharpness
     alive: Weight
+    tolerance: Annotated[float, Field(ge=0, le=2)]
+    tolerance_weight: Annotated[float, Field(ge=0, le=1e6)]
     joint_limit_weight: Annotated[float, Field(ge=0, le=10_000)]
     torque_unit: Literal["newton_metre", "normalised"]
     energy_unit: Literal["joule", "normalised", "authors_code"]
@@ -147,7 +149,7 @@ class EnvConfig(Strict):
     observations: Annotated[
         dict[
             Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")],
-            Annotated[tuple[str, ...], Field(min_length=1)],
+            tuple[str, ...],
         ],
         Field(min_length=1),
     ]
@@ -175,13 +177,21 @@ class EnvConfig(Strict):
                 )
             check_once(terms, f"observations.{group}")
         check_followed(self.highest_freq, self.control_dt, "freq" if self.ramp is None else "ramp")
-        tolerance = self.termination.head_tolerance
-        if tolerance is not None and tolerance > self.amplitude:
-            raise ValueError(
-                f"termination.head_tolerance: {tolerance:g} m leaves the head no motion to make; allowed is at most the "
-                f"target's amplitude of {self.amplitude:g} m"
-            )
+        tolerances = {"termination.head_tolerance": self.termination.head_tolerance or 0.0}
+        if self.reward.tolerance_weight:
+            tolerances["reward.tolerance"] = self.reward.tolerance
+        for key, tolerance in tolerances.items():
+            if tolerance > self.amplitude:
+                raise ValueError(
+                    f"{key}: {tolerance:g} m leaves the head no motion to make; allowed is at most the target's amplitude of "
+                    f"{self.amplitude:g} m"
+                )
         return self
+
+    @property
+    def head_tolerance(self) -> float | None:
+        """How far the head may be from its target [m]: where the reward begins to count it, or else where episodes end."""
+        return self.reward.tolerance if self.reward.tolerance_weight else self.termination.head_tolerance
 
     @property
     def schedules(self) -> dict[str, Schedule]:

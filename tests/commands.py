@@ -49,7 +49,7 @@ TINY_THEORY = [
     "figure_13={hip_k: [50, 100], freq: [0.3, 0.5], step: 0.2}",
     "around={ankle_k: [25], load: [0], tolerance: [0.025]}",
 ]
-CONSTANT = ["env.reward.stay_weight=1.5", "env.reward.target_weight=1.5", "env.reward.ended=-9"]
+CONSTANT = ["env.reward.stay_weight=1.5", "env.reward.target_weight=1.5", "env.reward.ended=-9", "agent.std_floor=null"]
 """Schedules last as long as the training that began them; without them trainings of different lengths can be compared."""
 ENTRIES = {
     "train": (TrainConfig, train),

@@ -11,10 +11,12 @@ from envs.body.rotation import rotate
 from envs.config import EnvConfig, Weight, as_plain
 from envs.engines.factory import simulate
 from envs.task import observations, rewards, target, terminations
-from envs.task.observations import TaskState
+from envs.task.observations import PAST, PAST_STEPS, TaskState
 
 CHECK_CAPACITY_EVERY = 100
 """Control steps between two checks of the solver's overflow flags: on a GPU each check waits for the device."""
+_SAVED = ("episode_length_buf", "episode", "action", "freq", "_track")
+"""Tensors of the environment that later steps depend on."""
 
 
 class HeadTrackingEnv(VecEnv):
@@ -61,6 +63,8 @@ class HeadTrackingEnv(VecEnv):
         self.episode_length_buf = torch.zeros(n, dtype=torch.long, device=sim_device)
         self.episode = torch.zeros(n, dtype=torch.long, device=sim_device)
         self.action = torch.zeros(n, len(JOINTS), device=sim_device)
+        # Target positions of the last control steps, the newest first.
+        self._track = torch.zeros(n, PAST * PAST_STEPS + 1, device=sim_device)
         worlds = torch.arange(part[0], config.num_envs, part[1], device=sim_device)
         self._source = target.FrequencySource(config.freq, config.ramp, config.freq_draw, worlds, config.num_envs, seed)
         self.freq = self._source.draw(self.episode)
@@ -90,6 +94,7 @@ class HeadTrackingEnv(VecEnv):
             self.sim.check_capacity()
 
         # 3. Where head, feet and target are now.
+        self._track = self._track.roll(1, dims=1)
         self.state = self._read()
 
         # 4. Terminations and time-outs.
@@ -114,9 +119,10 @@ class HeadTrackingEnv(VecEnv):
         return self.get_observations(), reward, done, {"time_outs": time_out, "log": log}
 
     def get_observations(self) -> TensorDict:
-        """The groups of `env.observations`, each (N, size) with its terms side by side."""
+        """The groups of `env.observations`, each (N, size) with its terms side by side; a group without terms is (N, 0)."""
+        nothing = self.action[:, :0]
         groups = {
-            name: torch.cat([observations.TERMS[term].function(self.state) for term in terms], dim=-1)
+            name: torch.cat([nothing, *(observations.TERMS[term].function(self.state) for term in terms)], dim=-1)
             for name, terms in self.config.observations.items()
         }
         return TensorDict(groups, batch_size=[self.num_envs], device=self.sim.device)
@@ -138,7 +144,7 @@ class HeadTrackingEnv(VecEnv):
 
     def state_dict(self) -> dict[str, Any]:
         """A copy of everything that later steps depend on: physics, episodes, last action and training progress."""
-        own = {name: getattr(self, name).clone() for name in ("episode_length_buf", "episode", "action", "freq")}
+        own = {name: getattr(self, name).clone() for name in _SAVED}
         progress = {"steps": self.steps, "training_steps": self.training_steps}
         return {**progress, "simulation": self.sim.state_dict(), **own}
 
@@ -148,7 +154,7 @@ class HeadTrackingEnv(VecEnv):
         # Earlier versions did not save the length of the training.
         self.training_steps = state.get("training_steps", self.training_steps)
         self.sim.load_state_dict(state["simulation"])
-        for name in ("episode_length_buf", "episode", "action", "freq"):
+        for name in _SAVED:
             getattr(self, name).copy_(state[name])
         self._length = self._lengths.draw(self.episode)
         self.state = self._read()
@@ -161,7 +167,8 @@ class HeadTrackingEnv(VecEnv):
         # The HAT's velocity is that of its centre of mass.
         lever = rotate(attitude, self._head - self._hat_com)
         foot_pose = sim.body_pose[:, self.FOOT_BODIES]
-        target_x, target_vx, target_ax = (value.float() for value in self._target())
+        target_x, target_vx, target_ax, target_freq = (value.float() for value in self._target())
+        self._track[:, 0] = target_x
         return TaskState(
             hat_pose=hat_pose,
             hat_velocity=hat_velocity,
@@ -178,10 +185,12 @@ class HeadTrackingEnv(VecEnv):
             target_x=target_x,
             target_vx=target_vx,
             target_ax=target_ax,
+            target_freq=target_freq,
+            target_past=self._track[:, PAST_STEPS::PAST_STEPS],
         )
 
-    def _target(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-        """Position [m], velocity [m/s] and acceleration [m/s2] of the target, (N,) float64 each."""
+    def _target(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Position [m], velocity [m/s], acceleration [m/s2] and frequency [Hz] of the target, (N,) float64 each."""
         time = self.episode_length_buf.double() * self.config.control_dt
         phase = target.phase(time, self.freq, self._source.rate, self._source.duration)
         now = target.frequency(time, self.freq, self._source.rate, self._source.duration)
@@ -191,6 +200,7 @@ class HeadTrackingEnv(VecEnv):
             target.position(phase, amplitude),
             target.velocity(phase, now, amplitude),
             target.acceleration(phase, now, rate, amplitude),
+            now,
         )
 
     def _ended(self) -> torch.Tensor:
@@ -219,6 +229,8 @@ class HeadTrackingEnv(VecEnv):
             + weight(terms.alive)
             + weight(config.energy_weight) * (energy + torque)
         )
+        if terms.tolerance_weight:
+            reward = reward - terms.tolerance_weight * rewards.beyond(state.target_x - state.head_x, terms.tolerance)
         if terms.joint_limit_weight:
             scaled = (state.joint_angle - self._limit_centre) / self._limit_half
             reward = reward - terms.joint_limit_weight * rewards.joint_limit(scaled)
@@ -231,6 +243,7 @@ class HeadTrackingEnv(VecEnv):
         self.episode_length_buf[mask] = 0
         self.episode += mask
         self.action[mask] = 0.0
+        self._track[mask] = 0.0
         self.freq = torch.where(mask, self._source.draw(self.episode), self.freq)
         self._length = self._lengths.draw(self.episode)
         self.state = self._read()

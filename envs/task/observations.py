@@ -16,6 +16,11 @@ from envs.body.joints import FEET, JOINTS, KINDS, LEFT, RIGHT
 if TYPE_CHECKING:
     import torch
 
+PAST = 8
+"""Earlier positions of the target that `target_history` gives."""
+PAST_STEPS = 6
+"""Control steps between two of them: 0.1 s, so that they reach back 0.8 s."""
+
 
 @dataclass(frozen=True)
 class TaskState:
@@ -28,7 +33,8 @@ class TaskState:
     sole_force, sole_position: (N, 2, 2, 3), see `Simulation`.
     action: (N, 4) actuator torque of each joint over the torque limit.
     head_x, head_vx: (N,) head along x, 0 at the start [m], [m/s].
-    target_x, target_vx, target_ax: (N,) [m], [m/s], [m/s2].
+    target_x, target_vx, target_ax: (N,) [m], [m/s], [m/s2]. target_freq: (N,) its momentary frequency [Hz].
+    target_past: (N, PAST) target_x before PAST_STEPS, 2 PAST_STEPS, ... control steps [m]; before the start it was at 0.
     """
 
     hat_pose: "torch.Tensor"
@@ -46,6 +52,8 @@ class TaskState:
     target_x: "torch.Tensor"
     target_vx: "torch.Tensor"
     target_ax: "torch.Tensor"
+    target_freq: "torch.Tensor"
+    target_past: "torch.Tensor"
 
 
 Component = tuple[str, str]
@@ -218,6 +226,18 @@ def target_velocity(state: TaskState) -> "torch.Tensor":
 def target_acceleration(state: TaskState) -> "torch.Tensor":
     """Target acceleration along x."""
     return state.target_ax[:, None]
+
+
+@_term(("target_freq", "Hz"))
+def target_frequency(state: TaskState) -> "torch.Tensor":
+    """Momentary frequency of the target."""
+    return state.target_freq[:, None]
+
+
+@_term(*((f"target_moved_in_{PAST_STEPS * (i + 1)}_steps", "m") for i in range(PAST)))
+def target_history(state: TaskState) -> "torch.Tensor":
+    """How far the target has moved along x since each of the earlier times of `TaskState.target_past`."""
+    return state.target_x[:, None] - state.target_past
 
 
 @_term(("target_x_minus_head_x", "m"))

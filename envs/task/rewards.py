@@ -1,8 +1,9 @@
 """Reward terms: arrays of numpy or tensors of torch with N worlds in, shape (N,) out. Weights and scale are in conf/env/.
 
-    R = scale * (alpha R_stay + beta R_target + alive + gamma (R_energy + R_torque) - R_limit)      paper Eq. 6
+    R = scale * (alpha R_stay + beta R_target + alive + gamma (R_energy + R_torque) + R_tolerance - R_limit)      paper Eq. 6
 
-where the paper leaves alpha, beta and scale open; the constants `alive` and R_limit are from the authors' code.
+where the paper leaves alpha, beta and scale open; the constants `alive` and R_limit are from the authors' code, R_tolerance is
+ours.
 In the step that ends an episode early, R = scale * `ended` instead, if `ended` is given.
 """
 
@@ -24,6 +25,11 @@ def closeness(distance: Values, sharpness: float) -> Values:
     The paper has k = 1; the authors' code 4 for the feet and 5 for the head.
     """
     return 1.0 / (1.0 + sharpness * distance**2)
+
+
+def beyond(distance: Values, tolerance: float) -> Values:
+    """How far the head is outside the `tolerance` around its target [m]; `distance` between the two [m], of any sign. (N,)."""
+    return (abs(distance) - tolerance).clip(min=0.0)
 
 
 def energy(torque: Values, velocity: Values, unit: str, limit: float, dt: float) -> Values:

@@ -51,18 +51,36 @@ class DistributionConfig(Strict):
 
 
 class CriticConfig(Strict):
-    """rsl-rl's MLPModel."""
+    """rsl-rl's MLPModel, or its RNNModel: an MLP after a recurrent layer."""
 
-    class_name: Literal["MLPModel"]
+    class_name: Literal["MLPModel", "RNNModel"]
     hidden_dims: Annotated[tuple[Annotated[int, Field(ge=1, le=4096)], ...], Field(min_length=1, max_length=16)]
     activation: Literal["elu", "selu", "relu", "crelu", "lrelu", "tanh", "sigmoid", "softplus", "gelu", "swish", "mish"]
     obs_normalization: bool
+    rnn_type: Literal["lstm", "gru"] | None = None
+    rnn_hidden_dim: Annotated[int, Field(ge=1, le=4096)] | None = None
+    rnn_num_layers: Annotated[int, Field(ge=1, le=16)] | None = None
+
+    @model_validator(mode="after")
+    def _recurrent(self) -> "CriticConfig":
+        for name in ("rnn_type", "rnn_hidden_dim", "rnn_num_layers"):
+            if (getattr(self, name) is None) == (self.class_name == "RNNModel"):
+                raise ValueError(f"{name}: RNNModel needs it, MLPModel has none")
+        return self
 
 
 class ActorConfig(CriticConfig):
     """rsl-rl's MLPModel with an action distribution."""
 
     distribution_cfg: DistributionConfig
+
+
+class StdFloorConfig(Strict):
+    """The floor under the standard deviation of the actions, `std_range[0]`, falls geometrically to `end` from the share
+    `begin` of the training on."""
+
+    begin: Annotated[float, Field(ge=0, lt=1)]
+    end: Annotated[float, Field(ge=1e-6, le=1e6)]
 
 
 class AgentConfig(Strict):
@@ -74,3 +92,11 @@ class AgentConfig(Strict):
     algorithm: AlgorithmConfig
     actor: ActorConfig
     critic: CriticConfig
+    std_floor: StdFloorConfig | None
+
+    @model_validator(mode="after")
+    def _falls(self) -> "AgentConfig":
+        highest = self.actor.distribution_cfg.std_range[0]
+        if self.std_floor is not None and self.std_floor.end > highest:
+            raise ValueError(f"std_floor.end = {self.std_floor.end:g} must not exceed std_range[0] = {highest:g} of the actor")
+        return self

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import torch
+from rsl_rl.models import MLPModel
 from tensordict import TensorDict
 
 from envs.task.head_tracking import HeadTrackingEnv
@@ -26,6 +27,8 @@ def rollout(env: HeadTrackingEnv, policy: Policy, freq: torch.Tensor | None, dur
     if freq is not None:
         env.follow(freq)
     observation = env.reset_all()
+    if isinstance(policy, MLPModel):
+        policy.reset()  # a recurrent one starts without memory
     followed = env.freq if freq is None else freq
     if freq is None and env.config.ramp is not None:
         followed = torch.full_like(env.freq, torch.nan)

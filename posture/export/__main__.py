@@ -12,6 +12,7 @@ from pathlib import Path
 
 from envs.config import as_plain
 from posture.cli import entry
+from posture.config.errors import ConfigError
 from posture.config.export import ExportConfig
 from posture.config.train import TrainConfig
 from posture.storage import run_dir, yaml_files
@@ -25,8 +26,10 @@ def export(config: ExportConfig, out: Path) -> None:
     from posture.storage import checkpoint
 
     run = run_dir.read_config(model.parent)
-    load_policy(checkpoint.load(model, config.device), run, model, "cpu")
+    policy = load_policy(checkpoint.load(model, config.device), run, model, "cpu")
     if "policy" in config.what:
+        if policy.is_recurrent:  # an exported policy has no place for a memory
+            raise ConfigError(f"{model}: a recurrent policy cannot be exported; allowed is what=[trajectories]")
         run_dir.writable(out, "policy.onnx")
     if "trajectories" in config.what:
         write_trajectories(config, model, run, out)

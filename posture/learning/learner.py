@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import math
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -28,8 +29,9 @@ class Learner(OnPolicyRunner):
     is_distributed: bool
 
     def __init__(self, env: HeadTrackingEnv, agent: AgentConfig, folder: Path, device: str) -> None:
-        config = agent.model_dump(mode="json")
+        config = agent.model_dump(mode="json", exclude_none=True, exclude={"std_floor"})
         config["logger"] = "tensorboard"
+        self._std_floor, self._highest_floor = agent.std_floor, agent.actor.distribution_cfg.std_range[0]
         config["algorithm"]["class_name"] = "posture.learning.ppo:LeanPPO"
         # rsl-rl would save after iterations 1, 51, ...; `save` is called after each, and keeps 50, 100, ... and the last.
         config["save_interval"] = 1
@@ -60,6 +62,7 @@ class Learner(OnPolicyRunner):
         """
         self._total, self._done = total_iterations, self.current_learning_iteration
         self.logger.iterations_done = self._done
+        self._set_std_floor()
         try:
             with signals.deferred():
                 self.learn(total_iterations - self._done)
@@ -81,10 +84,21 @@ class Learner(OnPolicyRunner):
         stop = parallel.any_process(bool(signals.pending()), self.device)
         if stop or done % self._save_interval == 0 or done == self._total:
             self._save(done, infos)
+        self._set_std_floor()
         if stop:
             if parallel.rank() == 0:
                 print(f"stopped after iteration {done}: saved in {self.folder}; resume continues from there", flush=True)
             raise signals.Stopped(signals.pending() or signal.SIGTERM)
+
+    def _set_std_floor(self) -> None:
+        """Lower the floor under the standard deviation of the actions for the next iteration; see `agent.std_floor`."""
+        if self._std_floor is None or self.env.training_steps is None:
+            return
+        share = self._done * self.cfg["num_steps_per_env"] / self.env.training_steps
+        progress = min(max((share - self._std_floor.begin) / (1.0 - self._std_floor.begin), 0.0), 1.0)
+        floor = self._highest_floor ** (1.0 - progress) * self._std_floor.end**progress
+        distribution = self.alg.actor.distribution
+        distribution.std_range[0], distribution.log_std_range[0] = floor, math.log(floor)
 
     def _save(self, done: int, infos: dict[str, Any] | None) -> None:
         """Write model_<done>.pt, and resume.pt with everything else that an exact resume needs."""
@@ -117,12 +131,20 @@ class Learner(OnPolicyRunner):
             self.env.load_state_dict(state["env"])
             self.logger.load_state_dict(state["logger"])
             torch.set_rng_state(state["rng"].cpu())
+            for network, memory in zip((self.alg.actor, self.alg.critic), state.get("memory", (None, None)), strict=True):
+                network.reset(hidden_state=memory)
             if torch.device(self.device).type == "cuda":
                 torch.cuda.set_rng_state(state["cuda_rng"].cpu(), self.device)
 
     def _process_state(self) -> dict[str, Any]:
-        """State of this process beside the policy: the worlds, the random numbers and the logger."""
-        state = {"env": self.env.state_dict(), "rng": torch.get_rng_state(), "logger": self.logger.state_dict()}
+        """State of this process beside the policy: worlds, random numbers, logger and memory of recurrent networks."""
+        memory = [network.get_hidden_state() for network in (self.alg.actor, self.alg.critic)]  # None if not recurrent
+        state = {
+            "env": self.env.state_dict(),
+            "rng": torch.get_rng_state(),
+            "logger": self.logger.state_dict(),
+            "memory": memory,
+        }
         if torch.device(self.device).type == "cuda":
             state["cuda_rng"] = torch.cuda.get_rng_state(self.device)
         return state

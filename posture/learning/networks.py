@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import torch
-from rsl_rl.models import MLPModel
+from rsl_rl.models import MLPModel, RNNModel
 from tensordict import TensorDict
 
 from envs.body.joints import KINDS
@@ -21,8 +21,9 @@ def network(run: TrainConfig, name: Literal["actor", "critic"]) -> MLPModel:
     sizes = {group: len(components(terms)) for group, terms in run.env.observations.items()}
     observations = TensorDict({group: torch.zeros(1, size) for group, size in sizes.items()}, batch_size=[1])
     groups = {name: list(getattr(run.agent.obs_groups, name))}
-    config = getattr(run.agent, name).model_dump(mode="json", exclude={"class_name"})
-    return MLPModel(observations, groups, name, len(KINDS) if name == "actor" else 1, **config)
+    config = getattr(run.agent, name).model_dump(mode="json", exclude_none=True)
+    model = {"MLPModel": MLPModel, "RNNModel": RNNModel}[config.pop("class_name")]
+    return model(observations, groups, name, len(KINDS) if name == "actor" else 1, **config)
 
 
 def load_policy(content: dict[str, Any], run: TrainConfig, model: Path, device: str | torch.device) -> MLPModel:

@@ -90,13 +90,14 @@ class PlayEnv(HeadTrackingEnv):
         self.phase = other.phase
         self.load_state_dict(other.state_dict())
 
-    def _target(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+    def _target(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
         phase, freq = (torch.full((1,), value, dtype=torch.float64) for value in (self.phase, self._settings.freq))
         amplitude = self._settings.amplitude
         return (
             target.position(phase, amplitude),
             target.velocity(phase, freq, amplitude),
             target.acceleration(phase, freq, torch.zeros_like(freq), amplitude),
+            freq,
         )
 
     def _reset(self, mask: torch.Tensor) -> None:

@@ -66,7 +66,8 @@ class TrainedPolicy:
         return self._policy(env.get_observations())
 
     def reset(self) -> None:
-        """See `Controller`; an action depends on the present observations only."""
+        """See `Controller`."""
+        self._policy.reset()
 
 
 def policy_choices(ckpt: str, lqr: LqrConfig) -> list[PolicyChoice]:

@@ -180,7 +180,7 @@ class Session:
     def _settings_of(self, choice: PolicyChoice, freq: float) -> Settings:
         """The body, amplitude and tolerance that a policy was trained with, within the ranges of the sliders."""
         values: dict[str, Any] = {name: getattr(choice.env, name) for name in ("hip_k", "ankle_k", "load", "amplitude")}
-        trained = choice.run.env.termination.head_tolerance if choice.run else None
+        trained = choice.run.env.head_tolerance if choice.run else None
         values["tolerance"] = self._config.evaluation.tolerance if trained is None else trained
         return Settings(freq, **{name: float(np.clip(value, *self._ranges[name][:2])) for name, value in values.items()})
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from posture.config.errors import ConfigError
 
-VERSION = 3
+VERSION = 4
 
 
 def upgrade(values: dict[str, Any], file: Path) -> dict[str, Any]:
@@ -43,5 +43,13 @@ def _from_2(values: dict[str, Any]) -> dict[str, Any]:
     return values
 
 
-UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _from_1, 2: _from_2}
+def _from_3(values: dict[str, Any]) -> dict[str, Any]:
+    """A head outside its tolerance ended the episode; learning was the same from beginning to end."""
+    with contextlib.suppress(KeyError, TypeError, AttributeError):
+        values["env"]["reward"] = {"tolerance": 0.0, "tolerance_weight": 0.0} | values["env"]["reward"]
+        values["agent"].setdefault("std_floor", None)
+    return values
+
+
+UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _from_1, 2: _from_2, 3: _from_3}
 """By version, the function that gives the version after it."""

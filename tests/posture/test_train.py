@@ -18,10 +18,10 @@ from tests.conftest import compose
             "env.reward.alive: the schedule ends after 1500 iterations, the training after 1000\n",
         ),
         (
-            "max_iterations=700",  # resumed with fewer iterations than it began with
+            "max_iterations=300",  # resumed with fewer iterations than it began with
             1000,
-            "env.reward.stay_weight, env.reward.target_weight, env.reward.ended: the schedule ends after 750 iterations, "
-            "the training after 700\n",
+            "env.reward.stay_weight, env.reward.target_weight, env.reward.ended: the schedule ends after 400 iterations, "
+            "the training after 300\n",
         ),
     ],
 )

@@ -72,15 +72,15 @@ def test_actions_are_clipped_to_the_torque_limit(env_config):
 
 
 def test_head_off_target_ends_the_episode_and_starts_a_new_one(env_config):
-    """At 1.5 Hz a passive stander is 25 mm off after the time at which A (1 - cos) = 25 mm: 77 ms, the fifth step."""
+    """At 1.5 Hz a passive stander is 35 mm off after the time at which A (1 - cos) = 35 mm: 92 ms, the sixth step."""
     env = environment(env_config, "env.freq=1.5")
-    due = math.ceil(math.acos(1 - 0.25) / (2 * math.pi * 1.5) / env.config.control_dt)
-    assert due == 5
+    due = math.ceil(math.acos(1 - 0.35) / (2 * math.pi * 1.5) / env.config.control_dt)
+    assert due == 6
     for step in range(1, due + 1):
         _, reward, done, extras = env.step(still(env))
         assert bool(done.all()) == (step == due)
     assert not bool(extras["time_outs"].any())
-    assert reward.tolist() == pytest.approx([env.config.reward.scale * -9.0] * 4, rel=1e-3)
+    assert reward.tolist() == pytest.approx([env.config.reward.scale * -6.0] * 4, rel=1e-3)
     assert env.episode_length_buf.tolist() == [0] * 4 and env.episode.tolist() == [1] * 4
     assert env.state.target_x.tolist() == [0.0] * 4 and env.action.abs().max() == 0.0
 
@@ -164,6 +164,36 @@ def test_observation_groups(env_config):
     assert groups["torso_orientation"][0].tolist() == pytest.approx([0.0, 0.0, 1.0], abs=1e-3)
 
 
+def test_frequency_and_history_of_the_target(env_config):
+    """0.01 x (1 - cos 2 pi t) of a 1 Hz target now, minus the same before 6, 12, ... 48 steps, and 0 before the start."""
+    env = environment(
+        env_config,
+        "env.freq=1.0",
+        "env.amplitude=0.01",
+        "env.observations.target_motion=[target_frequency,target_history]",
+        "env.termination.head_tolerance=null",
+    )
+
+    def position(step):
+        return 0.01 * (1 - math.cos(2 * math.pi * max(step, 0) * 0.0166))
+
+    for step in range(1, 61):
+        motion = env.step(still(env))[0]["target_motion"]
+        if step in (1, 6, 20, 60):
+            assert motion.shape == (4, 9) and motion[:, 0].tolist() == [1.0] * 4
+            expected = [position(step) - position(step - back) for back in range(6, 49, 6)]
+            assert motion[0, 1:].tolist() == pytest.approx(expected, abs=1e-7)
+    assert env.reset_all()["target_motion"][:, 1:].eq(0).all()
+    env.step(still(env))
+    motion = env.step(still(env))[0]["target_motion"]
+    assert motion[0, 1:].tolist() == pytest.approx([position(2)] * 8, abs=1e-7)
+
+
+def test_a_group_without_terms_is_empty(env_config):
+    observations = environment(env_config, "env.observations.target_motion=[]").get_observations()
+    assert observations["target_motion"].shape == (4, 0)
+
+
 def test_the_authors_observation_has_47_values(env_config):
     env = environment(env_config, "env=authors_code", "env.num_envs=4")
     assert sum(group.shape[1] for group in env.get_observations().values()) == 47
@@ -208,15 +238,18 @@ def test_world_of_many_equals_world_of_few(env_config):
 
 
 def test_state_can_be_taken_and_put_back(env_config):
-    env, other = environment(env_config), environment(env_config, seed=1)
+    history = "env.observations.target_motion=[target_history]"
+    env, other = environment(env_config, history), environment(env_config, history, seed=1)
     generator = torch.Generator().manual_seed(0)
     actions = 0.2 * torch.randn(40, 4, 2, generator=generator)
     for action in actions[:20]:
         env.step(action)
     kept = env.state_dict()
-    expected = [env.step(action)[1] for action in actions[20:]]
+    expected = [env.step(action)[:2] for action in actions[20:]]
     other.load_state_dict(kept)
-    assert torch.equal(torch.stack([other.step(action)[1] for action in actions[20:]]), torch.stack(expected))
+    for action, (observation, reward) in zip(actions[20:], expected, strict=True):
+        found = other.step(action)
+        assert torch.equal(found[1], reward) and torch.equal(found[0]["target_motion"], observation["target_motion"])
 
 
 def rewards_of_a_schedule(env_config, training_steps, resume=None):

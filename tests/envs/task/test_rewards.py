@@ -34,6 +34,10 @@ def test_torque_by_hand(row):
     assert rewards.torque_squared(row(3.0, -4.0)).tolist() == [-25.0]
 
 
+def test_distance_beyond_the_tolerance_by_hand(row):
+    assert rewards.beyond(row(0.02, -0.03, 0.035), 0.025)[0].tolist() == pytest.approx([0.0, 0.005, 0.01])
+
+
 def test_joint_limit_by_hand(row):
     # Half of the last 2 % of one joint, all of it of another.
     assert rewards.joint_limit(row(0.5, 0.99, -1.0, 0.98)).tolist() == pytest.approx([1.5], abs=1e-4)
@@ -83,13 +87,21 @@ def test_authors_reward_by_hand(env_config):
     assert total(env_config("env=authors_code"), **SITUATION, ended=True) == pytest.approx(expected, rel=1e-5)
 
 
-def test_default_early_end_is_worth_less_than_a_step_at_two_fifths_of_the_torque_limit(env_config):
-    """With S = 3 at the end of the training, a step pays 3 - 20 sum a^2 and an early end -9: a step is better up to
-    sum a^2 = 0.6, which is |a| = 0.387 on all four joints."""
+def test_default_counts_each_millimetre_beyond_the_tolerance(env_config):
+    """3 mm and 7 mm outside 25 mm differ by 4, apart from the closeness to the target, all x 0.03."""
+    config = env_config("env.reward.target_weight=0")
+    near, far = (total(config, **SITUATION | {"head_error": error}) for error in (-0.028, 0.032))
+    assert near - far == pytest.approx(4 * 0.03, rel=1e-4)
+    assert total(config, **SITUATION) == total(config, **SITUATION | {"head_error": 0.0249})
+
+
+def test_default_early_end_is_worth_less_than_a_step_at_three_tenths_of_the_torque_limit(env_config):
+    """With S = 2 at the end of the training, a step pays 2 - 20 sum a^2 and an early end -6: a step is better up to
+    sum a^2 = 0.4, which is |a| = 0.316 on all four joints."""
     config, on_target = env_config(), {"head_error": 0.0, "foot": 0.0, "velocity": (0.0,) * 4}
     ended = total(config, **on_target, action=(0.0,) * 4, ended=True)
-    assert ended == pytest.approx(0.03 * -9.0)
-    assert total(config, **on_target, action=(0.38,) * 4) > ended > total(config, **on_target, action=(0.39,) * 4)
+    assert ended == pytest.approx(0.03 * -6.0)
+    assert total(config, **on_target, action=(0.31,) * 4) > ended > total(config, **on_target, action=(0.32,) * 4)
 
 
 def test_energy_weight_scales_both_costs(env_config):

@@ -16,7 +16,7 @@ from posture.storage.run_dir import iteration_of, newest_model
 from tests.commands import TINY, call, runs
 
 # Constant weights: schedules are shares of the training, and the two trainings that are compared differ in length.
-CONSTANT = ["env.reward.stay_weight=1.5", "env.reward.target_weight=1.5", "env.reward.ended=-9"]
+CONSTANT = ["env.reward.stay_weight=1.5", "env.reward.target_weight=1.5", "env.reward.ended=-9", "agent.std_floor=null"]
 LEARNING = [
     *(a for a in TINY if "max_iterations" not in a and "save_interval" not in a),
     "agent.save_interval=5",

@@ -15,7 +15,7 @@ import yaml
 
 from envs.body.joints import JOINTS, KINDS
 from envs.task.head_tracking import HeadTrackingEnv
-from envs.task.observations import TERMS, TaskState
+from envs.task.observations import PAST, PAST_STEPS, TERMS, TaskState
 from posture.analysis.trajectory import Trajectory
 from posture.config.eval import EvaluationConfig
 from posture.evaluation.rollout import rollout
@@ -269,6 +269,7 @@ def test_names_of_the_components_belong_to_their_values():
         foot_displacement=exact([[0.0, 0.0]]),
         head_x=exact([0.5]), head_vx=exact([0.6]),
         target_x=exact([0.75]), target_vx=exact([0.8]), target_ax=exact([0.9]),
+        target_freq=exact([1.1]), target_past=exact([[0.75 - 0.01 * i for i in range(1, PAST + 1)]]),
         action=exact([[0.01 * number[joint] for joint in ("hip_left", "ankle_left") * 2]]),
         joint_angle=exact([[float(number[joint]) for joint in JOINTS]]),
         joint_velocity=exact([[10.0 * number[joint] for joint in JOINTS]]),
@@ -287,6 +288,7 @@ def test_names_of_the_components_belong_to_their_values():
         "foot_right_mx": 110, "foot_right_my": -385, "foot_right_mz": 220,
         "heels_fz": 303, "toes_fz": 3030, "head_x": 0.5, "head_vx": 0.6,
         "target_x": 0.75, "target_vx": 0.8, "target_ax": 0.9, "target_x_minus_head_x": 0.25,
+        "target_freq": 1.1, **{f"target_moved_in_{PAST_STEPS * i}_steps": 0.01 * i for i in range(1, PAST + 1)},
         "hip_angle_mean": (number["hip_left"] + number["hip_right"]) / 2,
         "ankle_angle_mean": (number["ankle_left"] + number["ankle_right"]) / 2,
         "hip_velocity_mean": 5.0 * (number["hip_left"] + number["hip_right"]),

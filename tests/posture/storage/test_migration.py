@@ -40,8 +40,8 @@ def test_version_1_has_schedules_in_control_steps(run):
     expected = read_config(run)
     env = yaml.safe_load((run / "config.yaml").read_text())["env"]
     for name in ("stay_weight", "target_weight", "ended"):
-        assert env["reward"][name].pop("until") == 0.75
-        env["reward"][name]["steps"] = 6  # of 2 iterations of 4 steps
+        assert env["reward"][name].pop("until") == 0.4
+        env["reward"][name]["steps"] = 3.2  # of 2 iterations of 4 steps
     rewrite(run, version="absent", env=env)
     assert read_config(run) == expected
 
@@ -51,6 +51,16 @@ def test_version_2_has_the_contacts_of_mujoco(run):
     values["env"]["solver"].pop("contact_bias")
     rewrite(run, version=2, env=values["env"])
     assert read_config(run).env.solver.contact_bias is False
+
+
+def test_version_3_ended_the_episode_of_a_head_outside_its_tolerance(run):
+    values = yaml.safe_load((run / "config.yaml").read_text())
+    for name in ("tolerance", "tolerance_weight"):
+        del values["env"]["reward"][name]
+    del values["agent"]["std_floor"]
+    rewrite(run, version=3, **values)
+    upgraded = read_config(run)
+    assert upgraded.env.reward.tolerance_weight == 0 and upgraded.agent.std_floor is None
 
 
 def test_a_version_1_schedule_may_be_longer_than_its_training(run):

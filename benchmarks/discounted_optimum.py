@@ -1,0 +1,92 @@
+"""What a discount below one costs: the motion of a linear stander that minimises the discounted sum of squared torques.
+
+python benchmarks/discounted_optimum.py     about a minute; the table is in docs/learning.md
+
+A reinforcement learner that discounts a reward k control steps ahead by gamma^k is best off with another motion than the one
+of least cost: it leans on what comes soon. Here a plan for the next steps is optimised again every 40 control steps, from rest,
+under the limits of `posture.theory.optimum.bound`, until the motion repeats; no policy can do better at that discount.
+"""
+
+import math
+
+import clarabel
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sparse
+
+from envs.body.segments import read_segments
+from posture.analysis.coordination import correlation
+from posture.theory.motion import motion_indices
+from posture.theory.optimum import bound
+from posture.theory.stander import JOINTS_OF_A_KIND, Stander, linearise
+from shared import compose
+
+DISCOUNTS = (0.97, 0.98, 0.985, 0.99)
+REPLANNED_AFTER = 40  # control steps
+NEGLIGIBLE = 2e-3
+"""A plan ends where the discount has come down to this share, or after 900 steps."""
+
+
+def discounted(stander: Stander, freq: float, amplitude: float, tolerance: float, dt: float, gamma: float) -> tuple[float, float]:
+    """Cost (mean of the sum over the four joints of the squared normalised torque) and hip-ankle correlation of a cycle."""
+    n = int(min(math.log(NEGLIGIBLE) / math.log(gamma), 900))
+    inverse, still, one = np.linalg.inv(stander.mass), np.zeros((2, 2)), np.eye(2)
+    drift = np.block([[still, one], [-inverse @ stander.stiffness, -inverse @ stander.damping]])
+    push = np.vstack([still, JOINTS_OF_A_KIND * stander.torque_limit * inverse])
+    pull = np.concatenate([np.zeros(2), -inverse @ stander.offset])
+    step = scipy.linalg.expm(dt * np.vstack([np.column_stack([drift, push, pull]), np.zeros((3, 7))]))
+    a, b, c = step[:4, :4], step[:4, 4:6], step[:4, 6]
+
+    # For each step the unknowns are its normalised torque (hip, ankle) and the state (angles, velocities) at its end.
+    motion = sparse.kron(sparse.eye(n), np.hstack([-b, np.eye(4)])) + sparse.kron(
+        sparse.eye(n, k=-1), np.hstack([np.zeros((4, 2)), -a])
+    )
+    head = sparse.kron(sparse.eye(n), np.concatenate([np.zeros(2), stander.head, np.zeros(2)])[None])
+    acceleration = stander.cop_acceleration @ np.hstack([push[2:], drift[2:]])
+    cop = sparse.kron(sparse.eye(n), (acceleration + np.concatenate([np.zeros(2), stander.cop_angle, np.zeros(2)]))[None])
+    cop_offset = stander.cop_offset + stander.cop_acceleration @ pull[2:]
+    scale = (30.0, 10.0)  # rows of order one for the solver
+    rows = sparse.vstack([scale[0] * motion, *(scale[1] * part for part in (head, -head, cop, -cop))]).tocsc()
+    quadratic = 2.0 * sparse.kron(sparse.diags(gamma ** np.arange(n)), np.diag([2.0, 2.0, 0, 0, 0, 0])).tocsc()
+    cones = [clarabel.ZeroConeT(4 * n), clarabel.NonnegativeConeT(4 * n)]
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+
+    state, torques, angles = np.zeros(4), [], []
+    for first in range(0, int(2.5 / freq / dt) + 300, REPLANNED_AFTER):
+        target = amplitude * (1.0 - np.cos(2 * math.pi * freq * dt * (first + 1 + np.arange(n))))
+        free = np.tile(c, n)
+        free[:4] += a @ state
+        bounds = (target + tolerance, tolerance - target, np.full(n, stander.toe_x - cop_offset), np.full(n, cop_offset - stander.heel_x))
+        limit = np.concatenate([scale[0] * free, *(scale[1] * part for part in bounds)])
+        solution = clarabel.DefaultSolver(quadratic, np.zeros(6 * n), rows, limit, cones, settings).solve()
+        assert "Solved" in str(solution.status), solution.status
+        plan = np.array(solution.x).reshape(n, 6)[:REPLANNED_AFTER]
+        torques.append(plan[:, :2])
+        angles.append(plan[:, 2:4])
+        state = plan[-1, 2:]
+    cycles = max(1, math.floor(freq))
+    last = round(cycles / freq / dt)
+    torque, angle = np.concatenate(torques)[-last:], np.concatenate(angles)[-last:]
+    return float(JOINTS_OF_A_KIND * (torque**2).sum(axis=1).mean()), correlation(angle[:, 0], angle[:, 1])
+
+
+def main() -> None:
+    """Print the ratio to the least cost, and the correlation, for each discount and frequency."""
+    run = compose()
+    env, evaluation = run.env, run.evaluation
+    stander = linearise(read_segments(env), env)
+    print("discount " + " ".join(f"{freq:>11.2f}" for freq in evaluation.freq) + "   mean")
+    for gamma in DISCOUNTS:
+        ratios: list[float] = []
+        texts = []
+        for freq in evaluation.freq:
+            least = motion_indices(bound(stander, freq, env.amplitude, evaluation.tolerance), evaluation.duration).cost
+            cost, r = discounted(stander, freq, env.amplitude, evaluation.tolerance, env.control_dt, gamma)
+            ratios.append(cost / least)
+            texts.append(f"{cost / least:.3f} {r:+.2f}")
+        print(f"{gamma:<8} " + " ".join(f"{text:>11}" for text in texts) + f"   {np.mean(ratios):.3f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
