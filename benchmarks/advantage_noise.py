@@ -44,7 +44,9 @@ def main(model: Path, std: float) -> None:
         following = value
     advantages, ends_in = (torch.stack(values) for values in zip(*kept, strict=True))
     far = ends_in >= NEAR
-    print(f"early ends: 1 in {STEPS * WORLDS / max(ends, 1):,.0f} steps; close to one: {1 - far.float().mean():.2%} of the samples")
+    print(
+        f"early ends: 1 in {STEPS * WORLDS / max(ends, 1):,.0f} steps; close to one: {1 - far.float().mean():.2%} of the samples"
+    )
     print(f"standard deviation of the advantages: {advantages.std():.4f}, without those {advantages[far].std():.4f}")
 
 

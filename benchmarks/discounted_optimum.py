@@ -27,7 +27,9 @@ NEGLIGIBLE = 2e-3
 """A plan ends where the discount has come down to this share, or after 900 steps."""
 
 
-def discounted(stander: Stander, freq: float, amplitude: float, tolerance: float, dt: float, gamma: float) -> tuple[float, float]:
+def discounted(
+    stander: Stander, freq: float, amplitude: float, tolerance: float, dt: float, gamma: float
+) -> tuple[float, float]:
     """Cost (mean of the sum over the four joints of the squared normalised torque) and hip-ankle correlation of a cycle."""
     n = int(min(math.log(NEGLIGIBLE) / math.log(gamma), 900))
     inverse, still, one = np.linalg.inv(stander.mass), np.zeros((2, 2)), np.eye(2)
@@ -57,7 +59,12 @@ def discounted(stander: Stander, freq: float, amplitude: float, tolerance: float
         target = amplitude * (1.0 - np.cos(2 * math.pi * freq * dt * (first + 1 + np.arange(n))))
         free = np.tile(c, n)
         free[:4] += a @ state
-        bounds = (target + tolerance, tolerance - target, np.full(n, stander.toe_x - cop_offset), np.full(n, cop_offset - stander.heel_x))
+        bounds = (
+            target + tolerance,
+            tolerance - target,
+            np.full(n, stander.toe_x - cop_offset),
+            np.full(n, cop_offset - stander.heel_x),
+        )
         limit = np.concatenate([scale[0] * free, *(scale[1] * part for part in bounds)])
         solution = clarabel.DefaultSolver(quadratic, np.zeros(6 * n), rows, limit, cones, settings).solve()
         assert "Solved" in str(solution.status), solution.status

@@ -98,5 +98,7 @@ class AgentConfig(Strict):
     def _falls(self) -> "AgentConfig":
         highest = self.actor.distribution_cfg.std_range[0]
         if self.std_floor is not None and self.std_floor.end > highest:
-            raise ValueError(f"std_floor.end = {self.std_floor.end:g} must not exceed std_range[0] = {highest:g} of the actor")
+            raise ValueError(
+                f"std_floor.end = {self.std_floor.end:g} must not exceed std_range[0] = {highest:g} of the actor"
+            )
         return self

@@ -11,11 +11,11 @@ from tests.conftest import compose
     [
         ("max_iterations=1000", 1000, ""),
         ("max_iterations=1500", 1000, ""),
-        ("env.reward.alive={start: 1.0, end: 2.0, until: 1.0}", 1000, ""),
+        ("env.reward.alive={start: 1.0, end: 2.0, until: 1.0}", 800, ""),
         (
             "env.reward.alive={start: 1.0, end: 2.0, until: 1.5}",
-            1000,
-            "env.reward.alive: the schedule ends after 1500 iterations, the training after 1000\n",
+            800,
+            "env.reward.alive: the schedule ends after 1200 iterations, the training after 800\n",
         ),
         (
             "max_iterations=300",  # resumed with fewer iterations than it began with

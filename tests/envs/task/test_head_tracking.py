@@ -165,17 +165,18 @@ def test_observation_groups(env_config):
 
 
 def test_frequency_and_history_of_the_target(env_config):
-    """0.01 x (1 - cos 2 pi t) of a 1 Hz target now, minus the same before 6, 12, ... 48 steps, and 0 before the start."""
+    """0.03 x (1 - cos 2 pi t) of a 1 Hz target now, minus the same before 6, 12, ... 48 steps, and 0 before the start."""
     env = environment(
         env_config,
         "env.freq=1.0",
-        "env.amplitude=0.01",
+        "env.amplitude=0.03",
+        "env.reward.tolerance_weight=0",
         "env.observations.target_motion=[target_frequency,target_history]",
         "env.termination.head_tolerance=null",
     )
 
     def position(step):
-        return 0.01 * (1 - math.cos(2 * math.pi * max(step, 0) * 0.0166))
+        return 0.03 * (1 - math.cos(2 * math.pi * max(step, 0) * 0.0166))
 
     for step in range(1, 61):
         motion = env.step(still(env))[0]["target_motion"]

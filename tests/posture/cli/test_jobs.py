@@ -33,7 +33,8 @@ def test_every_combination_is_a_job_in_hydras_order():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("experiment", "count"), [("frequency", 5), ("energy", 9 * 3), ("hip_stiffness", 8 * 3), ("grid", 10 * 8), ("senses", 7 * 3)]
+    ("experiment", "count"),
+    [("frequency", 5), ("energy", 9 * 3), ("hip_stiffness", 8 * 3), ("grid", 10 * 8), ("senses", 7 * 3)],
 )
 def test_an_experiment_is_a_sweep(experiment, count):
     assert len(jobs_of("-m", f"experiment={experiment}")) == count

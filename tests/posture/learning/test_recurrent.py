@@ -47,4 +47,3 @@ def test_each_trial_begins_without_memory(monkeypatch, tmp_path, capsys):
         assert torch.equal(policy.act(stander, settings), fresh)
 
     assert "a recurrent policy cannot be exported" in refused(monkeypatch, capsys, "export", f"ckpt={run}", "what=[policy]")
-

@@ -23,7 +23,7 @@ def test_floor_falls_geometrically_in_the_last_part_of_a_training(tmp_path, monk
 
     def spy():
         actor.distribution.update(torch.zeros(1, 2))
-        noise.append(float(actor.distribution.std.min()))
+        noise.append(actor.distribution.std.min().item())
         with torch.no_grad():
             actor.distribution.log_std_param.fill_(-20.0)  # as if learning wanted none
         return update()
@@ -32,4 +32,4 @@ def test_floor_falls_geometrically_in_the_last_part_of_a_training(tmp_path, monk
     learner.train(4)
     assert noise == pytest.approx([0.08, 0.08, 0.08, 0.02], rel=1e-3)
     actor.distribution.update(torch.zeros(1, 2))
-    assert float(actor.distribution.std.min()) == pytest.approx(0.005, rel=1e-3)
+    assert actor.distribution.std.min().item() == pytest.approx(0.005, rel=1e-3)

@@ -58,7 +58,7 @@ def test_version_3_ended_the_episode_of_a_head_outside_its_tolerance(run):
     for name in ("tolerance", "tolerance_weight"):
         del values["env"]["reward"][name]
     del values["agent"]["std_floor"]
-    rewrite(run, version=3, **values)
+    rewrite(run, **values | {"version": 3})
     upgraded = read_config(run)
     assert upgraded.env.reward.tolerance_weight == 0 and upgraded.agent.std_floor is None
 

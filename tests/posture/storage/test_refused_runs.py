@@ -178,8 +178,8 @@ def put_weight(value):
 
 OTHER_POLICY = {
     "wider": (
-        put_weight(torch.zeros(64, 18)),
-        "mlp.0.weight is float32 of shape (64, 18); allowed is float32 of shape (64, 17)",
+        put_weight(torch.zeros(64, 19)),
+        "mlp.0.weight is float32 of shape (64, 19); allowed is float32 of shape (64, 18)",
     ),
     "deeper": (put("actor_state_dict", "mlp.9.weight", value=torch.zeros(2, 2)), ": mlp.9.weight"),
     "no bias": (remove("actor_state_dict", "mlp.0.bias"), ": mlp.0.bias"),
@@ -218,8 +218,8 @@ def test_commands_report_another_policy(run, monkeypatch, capsys, command):
 @pytest.mark.parametrize(
     ("before", "after", "message"),
     [
-        ("    - last_command\n", "", "(1, 17); allowed is float32 of shape (1, 15)"),
-        ("    - last_command\n", "    - foot_wrench\n", "(1, 17); allowed is float32 of shape (1, 27)"),
+        ("    - last_command\n", "", "(1, 18); allowed is float32 of shape (1, 16)"),
+        ("    - last_command\n", "    - foot_wrench\n", "(1, 18); allowed is float32 of shape (1, 28)"),
         ("    - 64\n    - 64\n", "    - 64\n    - 32\n", "mlp.2.weight is float32 of shape (64, 64)"),
         ("    - 64\n    - 64\n", "    - 64\n", ": mlp.4.bias, mlp.4.weight"),
     ],
