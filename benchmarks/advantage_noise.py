@@ -2,8 +2,8 @@
 
 python benchmarks/advantage_noise.py CKPT [STD]     a checkpoint, and the standard deviation of the actions (0.01)
 
-2048 worlds are stepped with noisy actions. The advantages are those that PPO would learn from, with the value function of the
-checkpoint; the samples of the 100 steps before an early end are then left out.
+2048 worlds are stepped with noisy actions. The advantages are those that PPO would learn from, with the checkpoint's value
+function; the samples of the 100 steps before an early end are then left out.
 """
 
 import sys
@@ -44,9 +44,8 @@ def main(model: Path, std: float) -> None:
         following = value
     advantages, ends_in = (torch.stack(values) for values in zip(*kept, strict=True))
     far = ends_in >= NEAR
-    print(
-        f"early ends: 1 in {STEPS * WORLDS / max(ends, 1):,.0f} steps; close to one: {1 - far.float().mean():.2%} of the samples"
-    )
+    steps = STEPS * WORLDS / max(ends, 1)
+    print(f"early ends: 1 in {steps:,.0f} steps; close to one: {1 - far.float().mean():.2%} of the samples")
     print(f"standard deviation of the advantages: {advantages.std():.4f}, without those {advantages[far].std():.4f}")
 
 

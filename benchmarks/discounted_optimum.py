@@ -2,8 +2,8 @@
 
 python benchmarks/discounted_optimum.py     about a minute; the table is in docs/learning.md
 
-A reinforcement learner that discounts a reward k control steps ahead by gamma^k is best off with another motion than the one
-of least cost: it leans on what comes soon. Here a plan for the next steps is optimised again every 40 control steps, from rest,
+A reinforcement learner that discounts a reward k control steps ahead by gamma^k is best off with another motion than that of
+least cost. Here a plan for the next steps is optimised again every 40 control steps, from rest,
 under the limits of `posture.theory.optimum.bound`, until the motion repeats; no policy can do better at that discount.
 """
 
@@ -13,13 +13,13 @@ import clarabel
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sparse
+from shared import compose
 
 from envs.body.segments import read_segments
 from posture.analysis.coordination import correlation
 from posture.theory.motion import motion_indices
 from posture.theory.optimum import bound
 from posture.theory.stander import JOINTS_OF_A_KIND, Stander, linearise
-from shared import compose
 
 DISCOUNTS = (0.97, 0.98, 0.985, 0.99)
 REPLANNED_AFTER = 40  # control steps

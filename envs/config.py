@@ -183,8 +183,8 @@ class EnvConfig(Strict):
         for key, tolerance in tolerances.items():
             if tolerance > self.amplitude:
                 raise ValueError(
-                    f"{key}: {tolerance:g} m leaves the head no motion to make; allowed is at most the target's amplitude of "
-                    f"{self.amplitude:g} m"
+                    f"{key}: {tolerance:g} m leaves the head no motion to make; allowed is at most the target's amplitude "
+                    f"of {self.amplitude:g} m"
                 )
         return self
 
