@@ -94,7 +94,7 @@ class HeadTrackingEnv(VecEnv):
             self.sim.check_capacity()
 
         # 3. Where head, feet and target are now.
-        self._track = self._track.roll(1, dims=1)
+        self._track.copy_(self._track.roll(1, dims=1))
         self.state = self._read()
 
         # 4. Terminations and time-outs.

@@ -17,7 +17,7 @@ USED = {
     "torque_limit", "reward", "termination",
 }  # fmt: skip
 """Keys of `env` that the theory depends on."""
-USED_REWARD = {"target_weight", "target_sharpness", "torque_unit", "energy_unit"}
+USED_REWARD = {"target_weight", "target_sharpness", "torque_unit", "energy_unit", "tolerance", "tolerance_weight"}
 
 
 class StiffnessSweep(Strict):
@@ -66,14 +66,16 @@ class TheoryConfig(CommandConfig):
 
     @property
     def head_tolerance(self) -> float:
-        """[m] the head may be from its target; where that ends no episode, what evaluation counts as lost."""
-        return self.evaluation.tolerance if self.tolerance is None else self.tolerance
+        """[m] the head may be from its target; where the task has no tolerance, what evaluation counts as lost."""
+        return self.tolerance or self.env.head_tolerance or self.evaluation.tolerance
 
     def without_effect(self) -> dict[str, str]:
         """See `CommandConfig`."""
         env = [f"env.{key}" for key in EnvConfig.model_fields.keys() - USED]
         reward = [f"env.reward.{key}" for key in RewardConfig.model_fields.keys() - USED_REWARD]
-        evaluation = ["transient", "still_joint_deg", "figures", *(["tolerance"] if self.tolerance is not None else [])]
+        evaluation = ["transient", "still_joint_deg", "figures"]
+        if self.tolerance or self.env.head_tolerance:
+            evaluation.append("tolerance")
         limits = ["env.termination.fall_height", "env.termination.foot_motion"]
         return dict.fromkeys([*env, *reward, *limits, *(f"evaluation.{key}" for key in evaluation)], "on the theory")
 

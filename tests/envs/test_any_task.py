@@ -76,9 +76,15 @@ def test_only_ends_that_contradict_another_key_are_refused_alone():
     weights = [("energy_weight",), *(("reward", name) for name in ("stay_weight", "target_weight", "alive", "ended"))]
     other_sign = {(weight, 1e4 if weight[-1] == "ended" else -1e4) for weight in weights}
     schedules = {((*weight, side), end) for weight, end in other_sign for side in ("start", "end")}
-    others = {("amplitude", 0.001), ("control_dt", 0.1), ("termination.head_tolerance", 2), ("solver.substeps", 1)}
+    others = {
+        ("amplitude", 0.001),
+        ("control_dt", 0.1),
+        ("termination.head_tolerance", 2),
+        ("reward.tolerance", 2),
+        ("solver.substeps", 1),
+    }
     expected = schedules | {(tuple(name.split(".")), end) for name, end in others}
-    assert set(ENDS) - set(ALONE) == expected and len(expected) == 14
+    assert set(ENDS) - set(ALONE) == expected and len(expected) == 15
     assert len(ALONE) >= 70
 
 

@@ -151,19 +151,19 @@ def job_with(folder, iterations=None, state=None):
 
 def test_progress_is_that_of_the_newest_checkpoint(tmp_path):
     assert fraction_done(job_with(tmp_path / "new")) == 0.0
-    assert fraction_done(job_with(tmp_path / "half", 500, "running")) == 0.5
-    assert fraction_done(job_with(tmp_path / "trained", 1000, "running")) == 0.99
-    assert fraction_done(job_with(tmp_path / "done", 1000, "done")) == 1.0
+    assert fraction_done(job_with(tmp_path / "half", 400, "running")) == 0.5
+    assert fraction_done(job_with(tmp_path / "trained", 800, "running")) == 0.99
+    assert fraction_done(job_with(tmp_path / "done", 800, "done")) == 1.0
 
 
 def test_time_left_by_the_speed_so_far(tmp_path, monkeypatch):
     """Of three equal jobs one was done before. Half of the second took 10 minutes, so the rest takes 30."""
     now = time.monotonic()
     monkeypatch.setattr(time, "monotonic", lambda: now)
-    jobs = [job_with(tmp_path / "a", 1000, "done"), job_with(tmp_path / "b"), job_with(tmp_path / "c")]
+    jobs = [job_with(tmp_path / "a", 800, "done"), job_with(tmp_path / "b"), job_with(tmp_path / "c")]
     progress = SweepProgress(jobs)
     assert progress.done_before == 1 and progress.line() == "1 of 3 done, 0 running"
-    (tmp_path / "b" / "model_500.pt").touch()
+    (tmp_path / "b" / "model_400.pt").touch()
     (tmp_path / "b" / "status.yaml").write_text("state: running\n")
     monkeypatch.setattr(time, "monotonic", lambda: now + 600)
     with locked(tmp_path / "b"):

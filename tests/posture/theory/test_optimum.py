@@ -245,7 +245,7 @@ def test_reward_terms_read_the_configuration(env_config, stander, unit):
     effort = 1e4 if unit == "si" else 1.0
     assert terms.energy == pytest.approx({"normalised": 0.0166, "authors": 0.1, "si": 1.66 / 1e4}[unit])
     final = config.reward.target_weight.end
-    assert terms.target == pytest.approx(final / (20.0 * effort)) and terms.sharpness == 5.0
+    assert terms.target == pytest.approx(final / (20.0 * effort)) and terms.sharpness == 150.0
     motion = cheapest_sinusoid(stander, 0.9, AMPLITUDE, TOLERANCE)
     energy, torque = reward_terms(motion, config)
     assert torque == pytest.approx(-effort * cost(motion))
