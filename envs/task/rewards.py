@@ -1,9 +1,9 @@
 """Reward terms: arrays of numpy or tensors of torch with N worlds in, shape (N,) out. Weights and scale are in conf/env/.
 
-    R = scale (alpha R_stay + beta R_target + alive + gamma (R_energy + R_torque) + R_tolerance - R_limit)   (paper Eq. 6)
+    R = scale (alpha R_stay + beta R_target + alive + gamma (R_energy + R_torque) + R_tolerance - R_limit)   (Eq. 6)
 
-where the paper leaves alpha, beta and scale open; the constants `alive` and R_limit are from the authors' code, R_tolerance is
-ours.
+where the paper leaves alpha, beta and scale open; the constants `alive` and R_limit are from the authors' code, and
+R_tolerance is ours.
 In the step that ends an episode early, R = scale * `ended` instead, if `ended` is given.
 """
 

@@ -50,7 +50,7 @@ ALLOWED = [
     ("eval", ["policy=lqr", "lqr.angle=0.2", "lqr.env.load=1", "env.hip_k=60"]),
     ("eval", ["-m", "policy=trained,lqr", "lqr.angle=0.2", "ckpt=pretrained"]),
     ("eval", ["-m", f"env.ramp=none,{RAMP}", "evaluation.freq=[1]"]),
-    ("theory", ["tolerance=null", "evaluation.tolerance=0.02"]),
+    ("theory", ["env=paper", "evaluation.tolerance=0.02"]),
     ("play", ["ckpt=lqr", "record=a.html", "lqr.angle=0.2", "out=here"]),
     ("train", ["-m", "env.freq=0.3,[0.3,0.6]", "env.freq_draw=uniform"]),
 ]
