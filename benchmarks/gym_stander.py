@@ -119,7 +119,7 @@ class StanderEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         stay = rewards.closeness(sum(self.foot_displacement) / len(FEET), terms.stay_sharpness)
         tracking = rewards.closeness(self.target_x - self.head_x, terms.target_sharpness)
         return terms.scale * float(
-            -terms.tolerance_weight * max(abs(self.target_x - self.head_x) - terms.tolerance, 0.0)
+            -terms.tolerance_weight * rewards.beyond(np.float64(self.target_x - self.head_x), terms.tolerance)
             + rewards.weight(terms.stay_weight, self.steps, self.training_steps) * stay
             + rewards.weight(terms.target_weight, self.steps, self.training_steps) * tracking
             + rewards.weight(terms.alive, self.steps, self.training_steps)

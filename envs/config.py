@@ -98,7 +98,7 @@ class RewardConfig(Strict):
     target_weight: Weight
     target_sharpness: Sharpness
     alive: Weight
-    tolerance: Annotated[float, Field(ge=0, le=2)]
+    tolerance: Annotated[float, Field(gt=0, le=2)]
     tolerance_weight: Annotated[float, Field(ge=0, le=1e6)]
     joint_limit_weight: Annotated[float, Field(ge=0, le=10_000)]
     torque_unit: Literal["newton_metre", "normalised"]

@@ -15,7 +15,7 @@ from envs.task.observations import PAST, PAST_STEPS, TaskState
 
 CHECK_CAPACITY_EVERY = 100
 """Control steps between two checks of the solver's overflow flags: on a GPU each check waits for the device."""
-_SAVED = ("episode_length_buf", "episode", "action", "freq", "_track")
+_SAVED = ("episode_length_buf", "episode", "action", "freq", "track")
 """Tensors of the environment that later steps depend on."""
 
 
@@ -24,6 +24,7 @@ class HeadTrackingEnv(VecEnv):
 
     state: `TaskState` after the last step; in worlds that were reset, of the new episode.
     freq: (N,) frequency of the target at the start of the episode [Hz], float64.
+    track: (N, PAST * PAST_STEPS + 1) target positions of the present and the last control steps, the newest first [m].
     steps: control steps that each world has made in all. training_steps: their number in the whole training, which schedules
     of weights refer to; None outside a training, where weights have their final values.
     """
@@ -63,8 +64,7 @@ class HeadTrackingEnv(VecEnv):
         self.episode_length_buf = torch.zeros(n, dtype=torch.long, device=sim_device)
         self.episode = torch.zeros(n, dtype=torch.long, device=sim_device)
         self.action = torch.zeros(n, len(JOINTS), device=sim_device)
-        # Target positions of the last control steps, the newest first.
-        self._track = torch.zeros(n, PAST * PAST_STEPS + 1, device=sim_device)
+        self.track = torch.zeros(n, PAST * PAST_STEPS + 1, device=sim_device)
         worlds = torch.arange(part[0], config.num_envs, part[1], device=sim_device)
         self._source = target.FrequencySource(config.freq, config.ramp, config.freq_draw, worlds, config.num_envs, seed)
         self.freq = self._source.draw(self.episode)
@@ -94,7 +94,7 @@ class HeadTrackingEnv(VecEnv):
             self.sim.check_capacity()
 
         # 3. Where head, feet and target are now.
-        self._track.copy_(self._track.roll(1, dims=1))
+        self.track.copy_(self.track.roll(1, dims=1))
         self.state = self._read()
 
         # 4. Terminations and time-outs.
@@ -168,7 +168,7 @@ class HeadTrackingEnv(VecEnv):
         lever = rotate(attitude, self._head - self._hat_com)
         foot_pose = sim.body_pose[:, self.FOOT_BODIES]
         target_x, target_vx, target_ax, target_freq = (value.float() for value in self._target())
-        self._track[:, 0] = target_x
+        self.track[:, 0] = target_x
         return TaskState(
             hat_pose=hat_pose,
             hat_velocity=hat_velocity,
@@ -186,7 +186,7 @@ class HeadTrackingEnv(VecEnv):
             target_vx=target_vx,
             target_ax=target_ax,
             target_freq=target_freq,
-            target_past=self._track[:, PAST_STEPS::PAST_STEPS],
+            target_past=self.track[:, PAST_STEPS::PAST_STEPS],
         )
 
     def _target(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
@@ -243,7 +243,7 @@ class HeadTrackingEnv(VecEnv):
         self.episode_length_buf[mask] = 0
         self.episode += mask
         self.action[mask] = 0.0
-        self._track[mask] = 0.0
+        self.track[mask] = 0.0
         self.freq = torch.where(mask, self._source.draw(self.episode), self.freq)
         self._length = self._lengths.draw(self.episode)
         self.state = self._read()

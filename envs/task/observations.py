@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 PAST = 8
 """Earlier positions of the target that `target_history` gives."""
 PAST_STEPS = 6
-"""Control steps between two of them: 0.1 s, so that they reach back 0.8 s."""
+"""Control steps between two of them."""
 
 
 @dataclass(frozen=True)

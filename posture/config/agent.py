@@ -76,8 +76,10 @@ class ActorConfig(CriticConfig):
 
 
 class StdFloorConfig(Strict):
-    """The floor under the standard deviation of the actions, `std_range[0]`, falls geometrically to `end` from the share
-    `begin` of the training on."""
+    """The lower bound of the actions' standard deviation, a share of the torque limit.
+
+    It is `std_range[0]` up to the share `begin` of the training, and then falls geometrically to `end`.
+    """
 
     begin: Annotated[float, Field(ge=0, lt=1)]
     end: Annotated[float, Field(ge=1e-6, le=1e6)]

@@ -67,17 +67,28 @@ class TheoryConfig(CommandConfig):
     @property
     def head_tolerance(self) -> float:
         """[m] the head may be from its target; where the task has no tolerance, what evaluation counts as lost."""
-        return self.tolerance or self.env.head_tolerance or self.evaluation.tolerance
+        return next(value for value in self._tolerances.values() if value is not None)
+
+    @property
+    def _tolerances(self) -> dict[str, float | None]:
+        """The keys that may give the tolerance, in order of precedence; None where a key gives none."""
+        reward = self.env.reward
+        return {
+            "tolerance": self.tolerance,
+            "env.reward.tolerance": reward.tolerance if reward.tolerance_weight else None,
+            "env.termination.head_tolerance": self.env.termination.head_tolerance,
+            "evaluation.tolerance": self.evaluation.tolerance,
+        }
 
     def without_effect(self) -> dict[str, str]:
         """See `CommandConfig`."""
         env = [f"env.{key}" for key in EnvConfig.model_fields.keys() - USED]
         reward = [f"env.reward.{key}" for key in RewardConfig.model_fields.keys() - USED_REWARD]
-        evaluation = ["transient", "still_joint_deg", "figures"]
-        if self.tolerance or self.env.head_tolerance:
-            evaluation.append("tolerance")
+        evaluation = [f"evaluation.{key}" for key in ("transient", "still_joint_deg", "figures")]
         limits = ["env.termination.fall_height", "env.termination.foot_motion"]
-        return dict.fromkeys([*env, *reward, *limits, *(f"evaluation.{key}" for key in evaluation)], "on the theory")
+        tolerances = list(self._tolerances)
+        first = next(i for i, value in enumerate(self._tolerances.values()) if value is not None)
+        return dict.fromkeys([*env, *reward, *limits, *evaluation, *tolerances[first + 1 :]], "on the theory")
 
     @model_validator(mode="after")
     def _consistent(self) -> "TheoryConfig":

@@ -39,6 +39,8 @@ class TrainConfig(CommandConfig):
             unused["env.freq_draw"] = "with one env.freq"
         if self.agent.algorithm.schedule == "fixed":
             unused["agent.algorithm.desired_kl"] = "with agent.algorithm.schedule=fixed"
+        if self.env.reward.tolerance_weight == 0:
+            unused["env.reward.tolerance"] = "with env.reward.tolerance_weight=0"
         if self.device != "cpu" and self.processes > 1:
             unused["processes"] = f"with device={self.device}"
         return unused
@@ -56,6 +58,8 @@ class TrainConfig(CommandConfig):
                     f"({', '.join(sorted(known))})"
                 )
             check_once(groups, f"agent.obs_groups.{network}")
+            if not any(self.env.observations[group] for group in groups):
+                raise ValueError(f"agent.obs_groups.{network}: the groups {', '.join(groups)} of env.observations are empty")
         if self.env.num_envs % self.processes:
             raise ValueError(f"env.num_envs = {self.env.num_envs} cannot be shared equally among {self.processes} processes")
         own = self.env.num_envs // self.processes * self.agent.num_steps_per_env

@@ -91,7 +91,7 @@ class Learner(OnPolicyRunner):
             raise signals.Stopped(signals.pending() or signal.SIGTERM)
 
     def _set_std_floor(self) -> None:
-        """Lower the floor under the standard deviation of the actions for the next iteration; see `agent.std_floor`."""
+        """Set the lower bound of the actions' standard deviation for the next iteration; see `agent.std_floor`."""
         if self._std_floor is None or self.env.training_steps is None:
             return
         share = self._done * self.cfg["num_steps_per_env"] / self.env.training_steps
@@ -131,7 +131,7 @@ class Learner(OnPolicyRunner):
             self.env.load_state_dict(state["env"])
             self.logger.load_state_dict(state["logger"])
             torch.set_rng_state(state["rng"].cpu())
-            for network, memory in zip((self.alg.actor, self.alg.critic), state.get("memory", (None, None)), strict=True):
+            for network, memory in zip((self.alg.actor, self.alg.critic), state["memory"], strict=True):
                 network.reset(hidden_state=memory)
             if torch.device(self.device).type == "cuda":
                 torch.cuda.set_rng_state(state["cuda_rng"].cpu(), self.device)

@@ -44,9 +44,10 @@ def _from_2(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _from_3(values: dict[str, Any]) -> dict[str, Any]:
-    """A head outside its tolerance ended the episode; learning was the same from beginning to end."""
-    with contextlib.suppress(KeyError, TypeError, AttributeError):
-        values["env"]["reward"] = {"tolerance": 0.0, "tolerance_weight": 0.0} | values["env"]["reward"]
+    """The reward had no term for the tolerance, and the lower bound of the actions' noise was constant."""
+    with contextlib.suppress(KeyError, TypeError, AttributeError):  # as above
+        values["env"]["reward"].setdefault("tolerance", values["evaluation"]["tolerance"])  # without effect
+        values["env"]["reward"].setdefault("tolerance_weight", 0.0)
         values["agent"].setdefault("std_floor", None)
     return values
 

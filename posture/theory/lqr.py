@@ -27,13 +27,7 @@ from posture.theory.stander import JOINTS_OF_A_KIND, Stander
 
 def gain(stander: Stander, dt: float, config: LqrConfig) -> Array:
     """Feedback gain G: torque of one joint [Nm] over deviation of (hip, ankle) [rad] and velocities [rad/s]. (2, 4)."""
-    inverse = np.linalg.inv(stander.mass)
-    still, one = np.zeros((2, 2)), np.eye(2)
-    drift = np.block([[still, one], [-inverse @ stander.stiffness, -inverse @ stander.damping]])
-    push = np.vstack([still, JOINTS_OF_A_KIND * inverse])
-    # Torques are held over a control step: the exponential of the joint system gives the exact discrete one.
-    step = scipy.linalg.expm(dt * np.block([[drift, push], [np.zeros((2, 6))]]))
-    a, b = step[:4, :4], step[:4, 4:]
+    a, b, _ = stander.step(dt)
     q = np.diag([config.angle**-2] * 2 + [config.velocity**-2] * 2)
     r = np.eye(2) * config.torque**-2
     p = scipy.linalg.solve_discrete_are(a, b, q, r)

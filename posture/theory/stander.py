@@ -42,6 +42,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 
 from envs.body.segments import Segments
 from envs.config import EnvConfig
@@ -83,6 +84,19 @@ class Stander:
         """
         w = np.asarray(omega, dtype=np.float64)[:, None, None]
         return (self.stiffness - w**2 * self.mass + 1j * w * self.damping) / JOINTS_OF_A_KIND
+
+    def step(self, dt: float) -> tuple[Array, Array, Array]:
+        """a (4, 4), b (4, 2), c (4,) of the next state a x + b tau + c, after `dt` [s] in which tau is held.
+
+        x = (hip, ankle [rad], their velocities [rad/s]); tau = (hip, ankle) [Nm], torque of one joint each. The exponential of
+        the system gives them exactly.
+        """
+        inverse, still = np.linalg.inv(self.mass), np.zeros((2, 2))
+        drift = np.block([[still, np.eye(2)], [-inverse @ self.stiffness, -inverse @ self.damping]])
+        push = np.vstack([still, JOINTS_OF_A_KIND * inverse])
+        pull = np.concatenate([np.zeros(2), -inverse @ self.offset])
+        exponential = scipy.linalg.expm(dt * np.vstack([np.column_stack([drift, push, pull]), np.zeros((3, 7))]))
+        return exponential[:4, :4], exponential[:4, 4:6], exponential[:4, 6]
 
     @property
     def torque_offset(self) -> Array:

@@ -133,6 +133,15 @@ REFUSED = [  # beside the ranges, which every key has (test above)
     ("train", "agent.algorithm.num_mini_batches=40000", "env.num_envs x agent.num_steps_per_env = 32768 samples"),
     ("train", "agent.actor.hidden_dims=[1000000]", "agent.actor.hidden_dims.0"),
     ("train", "agent.actor.class_name=os.system", "agent.actor.class_name"),
+    ("train", "agent.actor.class_name=RNNModel", "agent.actor.rnn_type: RNNModel needs it, MLPModel has none"),
+    ("train", "agent.critic.rnn_num_layers=1", "agent.critic.rnn_num_layers: RNNModel needs it, MLPModel has none"),
+    ("train", "agent.std_floor.end=0.05", "agent.std_floor.end = 0.05 must not exceed std_range[0] = 0.03"),
+    (
+        "train",
+        "agent.obs_groups.actor=[target_motion] env.observations.target_motion=[]",
+        "agent.obs_groups.actor: the groups",
+    ),
+    ("train", "env.reward.tolerance=0.11", "env.reward.tolerance: 0.11 m leaves the head no motion"),
     ("train", "agent.actor.distribution_cfg.init_std=2", "agent.actor.distribution_cfg.init_std = 2 must lie within"),
     ("train", "agent.obs_groups.actor=[foot_wrench]", "agent.obs_groups.actor: foot_wrench not among"),
     ("train", "evaluation.transient=100", "evaluation.transient: 100 s leaves nothing of a trial of 100 s"),
@@ -232,7 +241,7 @@ KEYS = {
     for place in places(whole)
     if not any(isinstance(part, int) for part in place)
 }
-GROUPS = ["env", "agent", "evaluation", "experiment", "env@lqr.env"]
+GROUPS = ["env", "agent", "evaluation", "experiment", "senses", "env@lqr.env"]
 VALUES = """
     true null '' [] {} [1,2] [2,1] [true,1] {start:1,end:2,until:0.5} ${env.hip_k} ${nope} ${oc.env:NOPE} ??? 1,2 1,2,...,5
     [ } " ' \\ é a=b a,b x'y range(1,4) choice(1,2) glob(*) tag(a,1) sort(3,1) interval(0,1) ../.. /proc/x latest

@@ -33,6 +33,8 @@ REFUSED = [
     ("theory", ["env.reward.alive=1"], "env.reward.alive: has no effect on the theory"),
     ("theory", ["evaluation.transient=1"], "evaluation.transient: has no effect on the theory"),
     ("theory", ["evaluation.tolerance=0.02"], "evaluation.tolerance: has no effect on the theory"),
+    ("theory", ["env.termination.head_tolerance=0.03"], "env.termination.head_tolerance: has no effect on the theory"),
+    ("theory", ["tolerance=0.02", "env.reward.tolerance=0.03"], "env.reward.tolerance: has no effect on the theory"),
     ("export", ["evaluation.figures=false"], "evaluation.figures: has no effect on an export"),
     ("export", ["what=[policy]", "env.load=1"], "env.load: has no effect without trajectories in what"),
     ("export", ["what=[policy]", "in_degrees=true"], "in_degrees: has no effect without trajectories in what"),
@@ -51,6 +53,7 @@ ALLOWED = [
     ("eval", ["-m", "policy=trained,lqr", "lqr.angle=0.2", "ckpt=pretrained"]),
     ("eval", ["-m", f"env.ramp=none,{RAMP}", "evaluation.freq=[1]"]),
     ("theory", ["env=paper", "evaluation.tolerance=0.02"]),
+    ("theory", ["env.reward.tolerance_weight=0", "env.termination.head_tolerance=0.03"]),
     ("play", ["ckpt=lqr", "record=a.html", "lqr.angle=0.2", "out=here"]),
     ("train", ["-m", "env.freq=0.3,[0.3,0.6]", "env.freq_draw=uniform"]),
 ]

@@ -1,13 +1,15 @@
 """A policy with a memory: trained, resumed, evaluated and used on the page like any other; not exported."""
 
-from pathlib import Path
-
 import torch
 
+from envs.task.head_tracking import HeadTrackingEnv
+from posture.evaluation.rollout import rollout
+from posture.evaluation.trial import AS_TRAINED, trial_config
+from posture.learning.networks import load_policy
 from posture.play.environment import PlayEnv, Settings, play_config
 from posture.play.policies import TrainedPolicy
 from posture.storage import checkpoint, run_dir
-from tests.commands import CONSTANT, EVALUATION, TINY, call, refused, runs, same, table
+from tests.commands import CONSTANT, TINY, call, refused, runs, same
 
 QUICK = [*TINY, *CONSTANT, "senses=recurrent", "agent.actor.rnn_hidden_dim=4", "agent.critic.rnn_hidden_dim=4"]
 
@@ -26,17 +28,19 @@ def test_resume_continues_exactly(monkeypatch, tmp_path):
 
 
 def test_each_trial_begins_without_memory(monkeypatch, tmp_path, capsys):
-    """Two evaluations in one process agree, and the page starts anew after a reset; an export is refused."""
+    """Two roll-outs of one policy agree, and the page starts anew after a reset; an export is refused."""
     monkeypatch.chdir(tmp_path)
     call(monkeypatch, "train", *QUICK)
     run = runs()[0]
-    first = table(run / "evaluation" / "metrics.csv")
-    call(monkeypatch, "eval", f"ckpt={run}", "out=again", "evaluation.figures=false", *EVALUATION)
-    assert table(Path("again") / "metrics.csv") == first
-
     model = run / "model_2.pt"
     config = run_dir.read_config(run)
     env = config.env
+    worlds = HeadTrackingEnv(trial_config(env, config.evaluation, AS_TRAINED, "cpu"), 0, "cpu")
+    actor = load_policy(checkpoint.load(model, "cpu"), config, model, "cpu")
+    freq = torch.tensor(config.evaluation.freq)
+    first, second = (rollout(worlds, actor, freq, config.evaluation.duration) for _ in range(2))
+    assert (first.head_x == second.head_x).all()
+
     settings = Settings(1.0, env.hip_k, env.ankle_k, env.load, env.amplitude, 0.025)
     stander = PlayEnv(play_config(env), settings)
     policy = TrainedPolicy(model, config)

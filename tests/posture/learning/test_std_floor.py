@@ -1,4 +1,4 @@
-"""The floor under the standard deviation of the actions."""
+"""The lower bound of the standard deviation of the actions."""
 
 import pytest
 import torch

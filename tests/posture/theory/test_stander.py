@@ -6,6 +6,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+import scipy.integrate
 import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -204,6 +205,19 @@ def test_velocity_and_acceleration_are_derivatives(stander, freq, values):
         assert slope(time) == pytest.approx(difference, abs=1e-5 * max(freq, 1.0) ** 2)
     assert motion.head(time) == pytest.approx(motion.angle(time) @ stander.head)
     assert motion.angle(time + 3 / freq) == pytest.approx(motion.angle(time), abs=1e-9)
+
+
+def test_step_with_held_torques_solves_the_equation_of_motion(stander):
+    """Against scipy's solver for M q'' + D q' + K q + o = 2 tau, over ten control steps' time."""
+    state, torque, dt = np.array([0.02, -0.03, 0.1, -0.2]), np.array([3.0, -5.0]), 0.166
+
+    def slope(_time, x):
+        moment = 2 * torque - stander.damping @ x[2:] - stander.stiffness @ x[:2] - stander.offset
+        return np.concatenate([x[2:], np.linalg.solve(stander.mass, moment)])
+
+    expected = scipy.integrate.solve_ivp(slope, (0.0, dt), state, rtol=1e-10, atol=1e-12).y[:, -1]
+    a, b, c = stander.step(dt)
+    assert a @ state + b @ torque + c == pytest.approx(expected, rel=1e-7)
 
 
 def test_a_load_counts_once(config):
