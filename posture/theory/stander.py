@@ -88,8 +88,8 @@ class Stander:
     def step(self, dt: float) -> tuple[Array, Array, Array]:
         """a (4, 4), b (4, 2), c (4,) of the next state a x + b tau + c, after `dt` [s] in which tau is held.
 
-        x = (hip, ankle [rad], their velocities [rad/s]); tau = (hip, ankle) [Nm], torque of one joint each. The exponential of
-        the system gives them exactly.
+        x = (hip, ankle [rad], their velocities [rad/s]); tau = (hip, ankle) [Nm], torque of one joint each. The exponential
+        of the system gives them exactly.
         """
         inverse, still = np.linalg.inv(self.mass), np.zeros((2, 2))
         drift = np.block([[still, np.eye(2)], [-inverse @ self.stiffness, -inverse @ self.damping]])
