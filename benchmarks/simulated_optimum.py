@@ -1,6 +1,6 @@
 """The periodic motion that maximises the reward in the simulation itself, beside that of the linear stander.
 
-python benchmarks/simulated_optimum.py     about 10 minutes; docs/learning.md has its result
+python benchmarks/simulated_optimum.py     about 15 minutes; docs/learning.md has its result
 
 The linear theory knows neither large angles nor soft ground. Here the model-based controller (posture/theory/lqr.py) follows
 a motion whose harmonics are varied by the cross-entropy method: many worlds try variations of one motion, and the next
@@ -24,19 +24,17 @@ from posture.cli import jobs
 from posture.config.eval import EvalConfig, LqrConfig
 from posture.evaluation.lqr_policy import flat_foot_state
 from posture.theory.lqr import gain, reference
-from posture.theory.motion import PeriodicMotion
+from posture.theory.motion import PeriodicMotion, motion_indices
+from posture.theory.optimum import bound
 from posture.theory.reward_optimum import reward_optimum
 from posture.theory.stander import Stander, linearise
 from posture.theory.transition import hip_ankle_correlation
 
-FREQ = (0.6, 0.625, 0.65, 0.675, 0.7)
 HARMONICS = 6
 """Of the motion that is searched; theory has twelve."""
-WORLDS, BEST, GENERATIONS = 1024, 128, 80
-FIRST_DEVIATION = 0.01
+WORLDS, BEST, GENERATIONS = 512, 128, 40
+FIRST_DEVIATION = 0.003
 """Standard deviation of the first variations [rad]; of the n-th harmonic, divided by n squared."""
-WIDER = 1.2
-"""The covariance of the best is multiplied by this, so that the search does not stop early."""
 SETTLED = 6.0
 """Seconds from standing after which rewards count, for two cycles."""
 
@@ -70,7 +68,9 @@ class Trial:
     def __call__(self, unknowns: Array) -> tuple[Array, Array, Array]:
         """Mean reward (minus infinity after a fall), cost and hip-ankle correlation of each world; unknowns: (N, v)."""
         env = self._env
-        plan = torch.tensor(self._offset + np.einsum("nv,vtk->tnk", unknowns, self._per_unknown), dtype=torch.float32)
+        plan = torch.tensor(
+            self._offset[:, None] + np.einsum("nv,vtk->tnk", unknowns, self._per_unknown), dtype=torch.float32
+        )
         env.reset_all()
         fell = torch.zeros(env.num_envs, dtype=torch.bool)
         rewards, costs, angles = [], [], []
@@ -96,20 +96,21 @@ def search(trial: Trial, start: Array, seed: int) -> Array:
     for _ in range(GENERATIONS):
         tried = random.multivariate_normal(mean, covariance, WORLDS)
         best = tried[np.argsort(-trial(tried)[0])[:BEST]]
-        mean, covariance = best.mean(axis=0), WIDER * np.cov(best.T)
+        mean, covariance = best.mean(axis=0), np.cov(best.T)
     return np.asarray(mean)
 
 
-def switches(r: list[float]) -> str:
-    """The frequencies [Hz] at which `r`, one for each of FREQ, changes sign."""
-    found = [f + (g - f) * a / (a - b) for (f, a), (g, b) in pairwise(zip(FREQ, r, strict=True)) if a * b < 0]
+def switches(freq: list[float], r: list[float]) -> str:
+    """The frequencies [Hz] at which `r`, one for each of `freq`, changes sign."""
+    found = [f + (g - f) * a / (a - b) for (f, a), (g, b) in pairwise(zip(freq, r, strict=True)) if a * b < 0]
     return " ".join(f"{freq:.4f} Hz" for freq in found)
 
 
 def main() -> None:
-    """Print hip-ankle correlation, reward and cost of the linear optimum, of the same followed in the simulation, and of the
-    optimum found there; then the frequencies at which they switch."""
+    """Print hip-ankle correlation and ratio of cost to least cost of the linear optimum, of the same followed in the
+    simulation, and of the optimum found there, with the latter two's reward; then the frequencies at which they switch."""
     parser = argparse.ArgumentParser()
+    parser.add_argument("--freq", type=float, nargs="+", default=[0.6, 0.625, 0.65, 0.675, 0.7])
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("overrides", nargs="*")
     arguments = parser.parse_args()
@@ -122,7 +123,7 @@ def main() -> None:
     env = HeadTrackingEnv(config, seed=1, device="cpu")
     stander = linearise(read_segments(config), config)
     linear, followed, simulated = [], [], []
-    for freq in FREQ:
+    for freq in arguments.freq:
         trial = Trial(env, stander, freq, lqr)
         optimum = reward_optimum(stander, freq, config, config.reward.tolerance)
         constant, harmonics = optimum.coefficients[0], optimum.coefficients[1 : HARMONICS + 1]
@@ -132,13 +133,15 @@ def main() -> None:
         linear.append(hip_ankle_correlation(optimum))
         followed.append(float(r[0]))
         simulated.append(float(r[1]))
+        least = motion_indices(bound(stander, freq, config.amplitude, config.reward.tolerance), 1.0).cost
+        ratio = [motion_indices(optimum, 1.0).cost / least, *(cost[:2] / least)]
         print(
-            f"{freq:.3f} Hz: r {linear[-1]:+.3f} linear, {r[0]:+.3f} followed, {r[1]:+.3f} simulated; "
-            f"reward {reward[0]:.5f}, {reward[1]:.5f}; cost {cost[0]:.5f}, {cost[1]:.5f}",
+            f"{freq:.3f} Hz: linear r {linear[-1]:+.3f} ratio {ratio[0]:.3f}; followed {r[0]:+.3f} {ratio[1]:.3f}; "
+            f"simulated {r[1]:+.3f} {ratio[2]:.3f}; reward {reward[0]:.5f} -> {reward[1]:.5f}",
             flush=True,
         )
     for name, values in {"linear": linear, "followed": followed, "simulated": simulated}.items():
-        print(f"{name}: switch at {switches(values)}")
+        print(f"{name}: switch at {switches(arguments.freq, values)}")
 
 
 if __name__ == "__main__":

@@ -26,6 +26,6 @@ from tests.conftest import compose
     ],
 )
 def test_a_training_that_ends_before_a_schedule_says_so(capsys, override, begun_with, line):
-    config = compose(override)
+    config = compose("max_iterations=800", override)
     _report_unfinished_schedules(config, begun_with * config.agent.num_steps_per_env)
     assert capsys.readouterr().out == line

@@ -146,7 +146,7 @@ def job_with(folder, iterations=None, state=None):
         (folder / f"model_{iterations}.pt").touch()
     if state is not None:
         (folder / "status.yaml").write_text(f"state: {state}\n")
-    return Job(compose(), folder)
+    return Job(compose("max_iterations=800"), folder)
 
 
 def test_progress_is_that_of_the_newest_checkpoint(tmp_path):

@@ -240,12 +240,12 @@ def test_reward_terms_read_the_configuration(env_config, stander, unit):
     authors = ["env.reward.energy_unit=authors_code"]
     si = ["env.reward.torque_unit=newton_metre", "env.reward.energy_unit=joule"]
     units = {"normalised": [], "authors": authors, "si": si}
-    config = env_config(*units[unit])
+    config = env_config("env.reward.target_sharpness=7", *units[unit])
     terms = RewardTerms.of(config)
     effort = 1e4 if unit == "si" else 1.0
     assert terms.energy == pytest.approx({"normalised": 0.0166, "authors": 0.1, "si": 1.66 / 1e4}[unit])
     final = config.reward.target_weight.end
-    assert terms.target == pytest.approx(final / (20.0 * effort)) and terms.sharpness == 150.0
+    assert terms.target == pytest.approx(final / (20.0 * effort)) and terms.sharpness == 7.0
     motion = cheapest_sinusoid(stander, 0.9, AMPLITUDE, TOLERANCE)
     energy, torque = reward_terms(motion, config)
     assert torque == pytest.approx(-effort * cost(motion))
