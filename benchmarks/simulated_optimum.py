@@ -9,16 +9,15 @@ variations are drawn from the normal distribution of the best. The search starts
 
 import argparse
 import math
-from itertools import pairwise
 
 import numpy as np
 import torch
 from shared import compose
 
-from envs.body.joints import ANKLE, HIP
 from envs.body.segments import read_segments
 from envs.task.head_tracking import HeadTrackingEnv
-from posture.analysis.coordination import correlation
+from envs.task.observations import hip_ankle_angle
+from posture.analysis.coordination import correlation, sign_change_frequency
 from posture.analysis.trajectory import Array
 from posture.cli import jobs
 from posture.config.eval import EvalConfig, LqrConfig
@@ -81,7 +80,7 @@ class Trial:
             fell |= done
             rewards.append(reward)
             costs.append((env.action**2).sum(-1))
-            angles.append(env.sim.joint_angle[:, [HIP, ANKLE]].clone())
+            angles.append(hip_ankle_angle(env.state))
         mean_reward, cost = (torch.stack(values[self._first :]).mean(0) for values in (rewards, costs))
         angle = torch.stack(angles[self._first :], dim=1).double().numpy()
         r = np.array([correlation(world[:, 0], world[:, 1]) for world in angle])
@@ -100,12 +99,6 @@ def search(trial: Trial, start: Array, seed: int) -> Array:
     return np.asarray(mean)
 
 
-def switches(freq: list[float], r: list[float]) -> str:
-    """The frequencies [Hz] at which `r`, one for each of `freq`, changes sign."""
-    found = [f + (g - f) * a / (a - b) for (f, a), (g, b) in pairwise(zip(freq, r, strict=True)) if a * b < 0]
-    return " ".join(f"{freq:.4f} Hz" for freq in found)
-
-
 def main() -> None:
     """Print hip-ankle correlation and ratio of cost to least cost of the linear optimum, of the same followed in the
     simulation, and of the optimum found there, with the latter two's reward; then the frequencies at which they switch."""
@@ -118,7 +111,6 @@ def main() -> None:
     config = compose(
         f"env.num_envs={WORLDS}", "env.episode_steps=100000", "env.termination.head_tolerance=null", *arguments.overrides
     ).env
-    assert config.reward.tolerance is not None
     lqr = jobs.compose("eval", EvalConfig, "policy=lqr").lqr
     env = HeadTrackingEnv(config, seed=1, device="cpu")
     stander = linearise(read_segments(config), config)
@@ -141,7 +133,7 @@ def main() -> None:
             flush=True,
         )
     for name, values in {"linear": linear, "followed": followed, "simulated": simulated}.items():
-        print(f"{name}: switch at {switches(arguments.freq, values)}")
+        print(f"{name}: switch at {sign_change_frequency(arguments.freq, values)} Hz")
 
 
 if __name__ == "__main__":
