@@ -24,7 +24,7 @@ SHIFTS = (-0.04, -0.02, 0.0, 0.02, 0.04)
 
 
 def mean_reward(motion: PeriodicMotion, config: EnvConfig) -> float:
-    """Mean over a cycle of the reward of a step, over its scale; the feet do not move."""
+    """Mean over a cycle of the reward of a step, over its scale [-]: the terms not zero by default, with the feet still."""
     terms, time = config.reward, motion.cycle()
     distance = motion.head(time) - config.amplitude * (1 - np.cos(2 * math.pi * motion.freq * time))
     outside = rewards.beyond(distance, terms.tolerance).mean()

@@ -19,7 +19,7 @@ def test_reward_of_standing_still(env_config):
     config = env_config("env.reward.target_sharpness=1e-3", "env.reward.tolerance=0.05", "env.energy_weight=5")
     stander = linearise(read_segments(config), config)
     reward = switch_sensitivity.mean_reward(PeriodicMotion(stander, 0.5, np.zeros((2, 2), dtype=complex)), config)
-    effort = 2 * (stander.torque_offset**2).sum() / 100**2
+    effort = 2 * (stander.torque_offset**2).sum() / config.torque_limit**2
     # Mean over the cycle of 1/2 - cos p where positive, for p from 60 to 300 degrees.
     outside = 0.1 * (1 / 3 + np.sqrt(3) / (2 * np.pi))
     assert reward == pytest.approx(1.0 + (1.0 - 1e-3 * 0.1**2 * 1.5) - 5 * effort - 1000 * outside, rel=1e-5)
