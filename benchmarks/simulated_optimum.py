@@ -79,7 +79,7 @@ class Trial:
             _, reward, done, _ = env.step((step[:, 4:] + correction - feedback) / env.config.torque_limit)
             fell |= done
             rewards.append(reward)
-            costs.append((env.action**2).sum(-1))
+            costs.append((env.state.action**2).sum(-1))
             angles.append(hip_ankle_angle(env.state))
         mean_reward, cost = (torch.stack(values[self._first :]).mean(0) for values in (rewards, costs))
         angle = torch.stack(angles[self._first :], dim=1).double().numpy()

@@ -200,6 +200,11 @@ class EnvConfig(Strict):
         return {name: weight for name, weight in weights.items() if isinstance(weight, Schedule)}
 
     @property
+    def episode_bounds(self) -> tuple[int, int]:
+        """Shortest and longest episode [control steps]."""
+        return self.episode_steps if isinstance(self.episode_steps, tuple) else (self.episode_steps, self.episode_steps)
+
+    @property
     def highest_freq(self) -> float:
         """The highest frequency that a target can have [Hz]."""
         if self.ramp is not None:

@@ -214,8 +214,8 @@ class NewtonMujocoSimulation(Simulation):
         self._solver.reset(self._state, self._reset_mask_wp)
         newton.eval_fk(self.model, self._state.joint_q, self._state.joint_qd, self._state, mask=self._reset_articulations)
         for sensor in (self.sole_force, self.sole_position, self.joint_force):
-            sensor[mask] = 0.0
-        self.diverged[mask] = False
+            sensor.masked_fill_(mask.view(-1, *[1] * (sensor.dim() - 1)), 0.0)
+        self.diverged.masked_fill_(mask, False)
 
     def check_capacity(self) -> None:
         """See `Simulation`."""

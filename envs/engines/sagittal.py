@@ -15,8 +15,9 @@ from envs.body.segments import Segments, segments
 from envs.config import EnvConfig
 from envs.engines.contact_bias import bias_share, sole_contact, stiffness_and_damping
 from envs.engines.interface import SUBJECT, Simulation, top_speed
+from envs.engines.launch import Launch
 from envs.engines.sagittal_contact import Softness, vec5
-from envs.engines.sagittal_kernel import Body, advance, write_all_outputs
+from envs.engines.sagittal_kernel import Body, advance, reset, write_all_outputs
 
 _OUTPUT_TYPES = (wp.float32, wp.float32, wp.transform, wp.spatial_vector)
 """The kernel's types of joint angles and velocities, and of poses and velocities of bodies."""
@@ -36,29 +37,21 @@ class SagittalSimulation(Simulation):
         body = segments(model)
         self._body = _constants(body, config, self._mujoco)
         start_x, _, start_z = model.joint_q.numpy()[:3].tolist()
-        self._start = torch.tensor([start_x, start_z, 0.0, 0.0, 0.0], device=self.device)
+        self._start = vec5(start_x, start_z, 0.0, 0.0, 0.0)
         self._allocate()
         self.set_subject(**{name: torch.full((num_worlds,), getattr(config, name), device=self.device) for name in SUBJECT})
-        self._write_outputs()
-        self._upright = [output[0].clone() for output in self._outputs]
-        self._launch = self._recorded_launch()
+        self._record_launches()
+        self.reset(torch.ones_like(self.diverged))
 
     def step(self, torque: torch.Tensor) -> None:
         """See `Simulation`."""
         self._torque.copy_(torque)
-        if self.device.type == "cpu":
-            self._launch.launch()
-        else:
-            self._launch.launch(stream=wp.stream_from_torch(torch.cuda.current_stream(self.device)))
+        self._advance()
 
     def reset(self, mask: torch.Tensor) -> None:
         """See `Simulation`."""
-        self._q[mask] = self._start
-        for tensor in (self._qd, self._qdd, self.sole_force, self.sole_position, self.joint_force):
-            tensor[mask] = 0.0
-        self.diverged[mask] = False
-        for output, upright in zip(self._outputs, self._upright, strict=True):
-            output[mask] = upright
+        self._reset_mask.copy_(mask)
+        self._reset()
 
     def check_capacity(self) -> None:
         """The kernel has room for every possible contact, so nothing is dropped."""
@@ -78,35 +71,27 @@ class SagittalSimulation(Simulation):
         self.body_pose, self.body_velocity = zeros(len(BODIES), 7), zeros(len(BODIES), 6)
         self.sole_force, self.sole_position = zeros(len(FEET), 2, 3), zeros(len(FEET), 2, 3)
         self._outputs = (self.joint_angle, self.joint_velocity, self.body_pose, self.body_velocity)
-        self._q[:] = self._start
+        self._reset_mask = zeros(dtype=torch.bool)
 
-    def _recorded_launch(self) -> Any:
-        """The launch that takes all worlds through a control step."""
-        config = self.config
-        return wp.launch(
-            advance,
-            dim=self.num_worlds,
-            inputs=[
-                config.solver.substeps,
-                config.control_dt / config.solver.substeps,
-                config.solver.iterations,
-                top_speed(config),
-                self._body,
-                wp.from_torch(self._torque),
-                *(wp.from_torch(getattr(self, name)) for name in SUBJECT),
-                wp.from_torch(self._inv_weight, dtype=wp.vec3),
-            ],
-            outputs=[
-                *(wp.from_torch(tensor, dtype=vec5) for tensor in (self._q, self._qd, self._qdd)),
-                wp.from_torch(self.diverged),
-                wp.from_torch(self.joint_force),
-                *(wp.from_torch(tensor, dtype=dtype) for tensor, dtype in zip(self._outputs, _OUTPUT_TYPES, strict=True)),
-                wp.from_torch(self.sole_force, dtype=wp.vec3),
-                wp.from_torch(self.sole_position, dtype=wp.vec3),
-            ],
-            device=str(self.device),
-            record_cmd=True,
-        )
+    def _record_launches(self) -> None:
+        config, n, device = self.config, self.num_worlds, self.device
+        state = [wp.from_torch(tensor, dtype=vec5) for tensor in (self._q, self._qd, self._qdd)]
+        outputs = [wp.from_torch(tensor, dtype=dtype) for tensor, dtype in zip(self._outputs, _OUTPUT_TYPES, strict=True)]
+        sole = [wp.from_torch(tensor, dtype=wp.vec3) for tensor in (self.sole_force, self.sole_position)]
+        changed = [*state, wp.from_torch(self.diverged), wp.from_torch(self.joint_force), *outputs, *sole]
+        step = [
+            config.solver.substeps,
+            config.control_dt / config.solver.substeps,
+            config.solver.iterations,
+            top_speed(config),
+            self._body,
+            wp.from_torch(self._torque),
+            *(wp.from_torch(getattr(self, name)) for name in SUBJECT),
+            wp.from_torch(self._inv_weight, dtype=wp.vec3),
+        ]
+        self._advance = Launch(advance, n, step, changed, device)
+        self._reset = Launch(reset, n, [self._body, self._start, wp.from_torch(self._reset_mask)], changed, device)
+        self._write_outputs = Launch(write_all_outputs, n, [self._body, *state[:2]], outputs, device)
 
     def _inv_weights(self, load: float) -> list[float]:
         """MuJoCo's body_invweight0 of a foot [1/kg], dof_invweight0 of hip and ankle [1/(kg m2)], with `load` [kg].
@@ -130,16 +115,6 @@ class SagittalSimulation(Simulation):
         loads, which = torch.unique(self.load, return_inverse=True)
         weights = torch.tensor([self._inv_weights(mass) for mass in loads.tolist()], device=self.device)
         self._inv_weight.copy_(weights[which])
-
-    def _write_outputs(self) -> None:
-        """Set the tensors of joints and bodies from the planar coordinates."""
-        wp.launch(
-            write_all_outputs,
-            dim=self.num_worlds,
-            inputs=[self._body, wp.from_torch(self._q, dtype=vec5), wp.from_torch(self._qd, dtype=vec5)],
-            outputs=[wp.from_torch(tensor, dtype=dtype) for tensor, dtype in zip(self._outputs, _OUTPUT_TYPES, strict=True)],
-            device=str(self.device),
-        )
 
     def _restore(self, state: dict[str, torch.Tensor]) -> None:
         self._write_outputs()

@@ -362,6 +362,41 @@ def advance(
 
 
 @wp.kernel(enable_backward=False)
+def reset(
+    body: Body,
+    start: vec5,
+    mask: wp.array[wp.bool],
+    q: wp.array[vec5],
+    qd: wp.array[vec5],
+    qdd: wp.array[vec5],
+    diverged: wp.array[wp.bool],
+    joint_force: wp.array2d[float],
+    joint_angle: wp.array2d[float],
+    joint_velocity: wp.array2d[float],
+    body_pose: wp.array2d[wp.transform],
+    body_velocity: wp.array2d[wp.spatial_vector],
+    sole_force: wp.array3d[wp.vec3],
+    sole_position: wp.array3d[wp.vec3],
+) -> None:
+    """Put the worlds of `mask` at rest with the planar coordinates `start`."""
+    world = wp.tid()
+    if not mask[world]:
+        return
+    rest = vec5()
+    q[world] = start
+    qd[world] = rest
+    qdd[world] = rest
+    diverged[world] = False
+    write_outputs(world, body, start, rest, joint_angle, joint_velocity, body_pose, body_velocity)
+    for foot in range(2):
+        joint_force[world, 2 * foot] = 0.0
+        joint_force[world, 2 * foot + 1] = 0.0
+        for end in range(2):
+            sole_force[world, foot, end] = wp.vec3()
+            sole_position[world, foot, end] = wp.vec3()
+
+
+@wp.kernel(enable_backward=False)
 def write_all_outputs(
     body: Body,
     q: wp.array[vec5],

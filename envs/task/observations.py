@@ -115,7 +115,7 @@ def torso_pitch(state: TaskState) -> "torch.Tensor":
 @_term(("torso_vx", "m/s"), ("torso_vz", "m/s"), ("torso_wy", "rad/s"))
 def torso_motion(state: TaskState) -> "torch.Tensor":
     """Velocity of the HAT in the sagittal plane: of its centre of mass along x and z, and angular about y."""
-    return state.hat_velocity[:, (0, 2, 4)]
+    return state.hat_velocity[:, 0:5:2]
 
 
 @_term(("torso_yaw", "rad"), ("torso_roll", "rad"), ("torso_upright", "1"))

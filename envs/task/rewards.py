@@ -68,11 +68,10 @@ def joint_limit(scaled_angle: Values) -> Values:
     return ((abs(scaled_angle) - 0.98) / 0.02).clip(min=0.0).sum(-1)
 
 
-def weight(value: Weight, steps: int = 0, training_steps: int | None = None) -> float:
-    """The weight after `steps` of the `training_steps` control steps of each world; its final value outside a training."""
+def weight(value: Weight, progress: "torch.Tensor | None" = None) -> "float | torch.Tensor":
+    """The weight at `progress`, the share of the training that is done, shape (); its final value outside a training."""
     if not isinstance(value, Schedule):
         return value
-    if training_steps is None:
+    if progress is None:
         return value.end
-    share = min(1.0, steps / max(1, round(value.until * training_steps)))
-    return float(value.start * (value.end / value.start) ** share)
+    return value.start * (value.end / value.start) ** (progress / value.until).clip(max=1.0)

@@ -29,20 +29,20 @@ def rollout(env: HeadTrackingEnv, policy: Policy, freq: torch.Tensor | None, dur
     observation = env.reset_all()
     if isinstance(policy, MLPModel):
         policy.reset()  # a recurrent one starts without memory
-    followed = env.freq if freq is None else freq
+    followed = env.episodes.freq.clone() if freq is None else freq
     if freq is None and env.config.ramp is not None:
-        followed = torch.full_like(env.freq, torch.nan)
+        followed = torch.full_like(followed, torch.nan)
     fall_step = torch.full((env.num_envs,), -1, dtype=torch.long, device=env.sim.device)
     records: dict[str, list[torch.Tensor]] = {name: [] for name in _SIGNALS}
     with torch.inference_mode():
         for step in range(steps):
             observation, _, done, extras = env.step(policy(observation))
-            env.sim.check_capacity()
             fell = done & ~extras["time_outs"] & (fall_step < 0)
             fall_step = torch.where(fell, step, fall_step)
             for name, signal in _SIGNALS.items():
-                records[name].append(signal(env).cpu().double())
-    arrays = {name: torch.stack(values).numpy() for name, values in records.items()}
+                records[name].append(signal(env).double())
+    env.sim.check_capacity()
+    arrays = {name: torch.stack(values).cpu().numpy() for name, values in records.items()}
     for world, fall in enumerate(fall_step.tolist()):
         if fall >= 0:
             for name in arrays:
@@ -76,7 +76,7 @@ _SIGNALS: dict[str, Callable[[HeadTrackingEnv], torch.Tensor]] = {
     "head_vx": lambda env: env.state.head_vx,
     "joint_angle": lambda env: env.sim.joint_angle,
     "joint_velocity": lambda env: env.sim.joint_velocity,
-    "joint_torque": lambda env: env.config.torque_limit * env.action,
+    "joint_torque": lambda env: env.config.torque_limit * env.state.action,
     "cop_x": _cop_x,
     "torso_height": lambda env: env.state.hat_pose[:, 2],
     "foot_displacement": lambda env: env.state.foot_displacement.amax(-1),

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import astuple, dataclass
-from typing import Any
 
 import mujoco
 import numpy as np
 import torch
-from tensordict import TensorDict
 
 from envs.body.joints import ANKLES, BODIES, HIPS, JOINTS
 from envs.body.model import MJCF
 from envs.config import EnvConfig
-from envs.task import target
 from envs.task.head_tracking import HeadTrackingEnv
 
 EPISODE_STEPS = 10_000_000
@@ -51,30 +48,25 @@ def play_config(env: EnvConfig) -> EnvConfig:
 
 
 class PlayEnv(HeadTrackingEnv):
-    """One stander. The target's phase is the integral of its frequency, so a change of frequency causes no jump.
-
-    phase: of the target [rad], 0 at its rear end, in [0, 2 pi).
-    """
+    """One stander. A change of the target's frequency causes no jump of its phase."""
 
     def __init__(self, config: EnvConfig, settings: Settings) -> None:
-        self.phase = 0.0
-        self._settings = settings
         super().__init__(config, 0, "cpu")
         self.apply(settings)
         self._pusher = Pusher(config)
 
     def apply(self, settings: Settings) -> None:
         """Use the body and the target of `settings` from the next step on."""
-        self._settings = settings
+        self.episodes.retarget(*(torch.full((1,), value).double() for value in (settings.freq, settings.amplitude)))
         for name in ("hip_k", "ankle_k", "load"):
             value = torch.full((1,), getattr(settings, name))
             if not torch.equal(value, getattr(self.sim, name)):
                 self.sim.set_subject(**{name: value})
 
-    def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:
-        """See `HeadTrackingEnv`."""
-        self.phase = (self.phase + 2 * math.pi * self._settings.freq * self.config.control_dt) % (2 * math.pi)
-        return super().step(actions)
+    @property
+    def phase(self) -> float:
+        """Phase of the target [rad], 0 at its rear end, in [0, 2 pi)."""
+        return float(self.episodes.phase) % (2 * math.pi)
 
     def push(self, impulse: float) -> None:
         """Apply a forward `impulse` [Ns] to the centre of mass of head, arms and trunk."""
@@ -83,26 +75,7 @@ class PlayEnv(HeadTrackingEnv):
     @property
     def foot_drift(self) -> float:
         """How far forward the feet have moved since the start [m]."""
-        return float((self.state.foot_pose[..., :3] - self._foot_start)[0, :, 0].mean())
-
-    def continue_from(self, other: PlayEnv) -> None:
-        """Take over the state of `other`, the target's phase included."""
-        self.phase = other.phase
-        self.load_state_dict(other.state_dict())
-
-    def _target(self) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor, torch.Tensor]:
-        phase, freq = (torch.full((1,), value, dtype=torch.float64) for value in (self.phase, self._settings.freq))
-        amplitude = self._settings.amplitude
-        return (
-            target.position(phase, amplitude),
-            target.velocity(phase, freq, amplitude),
-            target.acceleration(phase, freq, torch.zeros_like(freq), amplitude),
-            freq,
-        )
-
-    def _reset(self, mask: torch.Tensor) -> None:
-        self.phase = 0.0
-        super()._reset(mask)
+        return float((self.state.foot_pose[..., :3] - self.episodes.foot_start)[0, :, 0].mean())
 
 
 class Pusher:

@@ -133,7 +133,7 @@ class Session:
         except Exception:
             self.__dict__.update(before)
             raise
-        self._env.continue_from(previous_env)
+        self._env.load_state_dict(previous_env.state_dict())
         self._env.apply(self.settings)
 
     @property
@@ -218,7 +218,7 @@ class Session:
     def _record(self) -> None:
         joint, state = self._env.sim.joint_angle[0], self.state
         hip, ankle = (float(joint[kind].mean()) for kind in (HIPS, ANKLES))
-        cost = float((self._env.action**2).sum())
+        cost = float((self._env.state.action**2).sum())
         self.history.append(self.time, self.settings.freq, hip, ankle, state.target, state.head, state.cop, cost)
         if int(self.time / TRAIL_EVERY_S) != int((self.time - self.dt) / TRAIL_EVERY_S):
             self.trail.add(self.measures(), self.ramping)

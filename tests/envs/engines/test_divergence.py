@@ -95,8 +95,8 @@ def test_diverged_world_ends_its_episode_and_is_reset(make, harm, reward_of_an_e
     # A new environment with the same target.
     fresh = make(*overrides)
     fresh.reset_all()
-    fresh.steps = env.steps  # scheduled weights depend on it
-    assert torch.equal(env.freq, fresh.freq)
+    fresh.steps.copy_(env.steps)  # scheduled weights depend on it
+    assert torch.equal(env.episodes.freq, fresh.episodes.freq)
     for action in after[1:7]:
         (seen, got, _, more), (as_calm, calm_got, *_), (as_fresh, fresh_got, *_) = (
             e.step(action) for e in (env, calm, fresh)
@@ -191,4 +191,4 @@ def test_same_seed_is_bitwise_reproducible_and_another_seed_differs(make):
         (seen, reward, done, _), (seen2, reward2, done2, _), (seen3, *_) = (e.step(action) for e in (one, two, other))
         assert torch.equal(seen["policy"], seen2["policy"]) and torch.equal(reward, reward2) and torch.equal(done, done2)
         differ |= not torch.equal(seen["policy"], seen3["policy"])
-    assert int(one.episode.min()) >= 3 and differ
+    assert int(one.episodes.episode.min()) >= 3 and differ

@@ -60,7 +60,7 @@ def test_one_command_moves_left_and_right_alike(env_config):
     for _ in range(10):
         env.step(torch.tensor([[0.1, -0.2]] * 4))
     assert torch.allclose(env.sim.joint_angle[:, :2], env.sim.joint_angle[:, 2:], atol=1e-5)
-    assert env.action[0].tolist() == pytest.approx([0.1, -0.2, 0.1, -0.2])
+    assert env.state.action[0].tolist() == pytest.approx([0.1, -0.2, 0.1, -0.2])
 
 
 def test_actions_are_clipped_to_the_torque_limit(env_config):
@@ -68,7 +68,7 @@ def test_actions_are_clipped_to_the_torque_limit(env_config):
     wild.step(torch.tensor([[7.0, -3.0]] * 4))
     limit.step(torch.tensor([[1.0, -1.0]] * 4))
     assert torch.equal(wild.sim.joint_velocity, limit.sim.joint_velocity)
-    assert wild.action.abs().max() == 1.0
+    assert wild.state.action.abs().max() == 1.0
 
 
 def test_head_off_target_ends_the_episode_and_starts_a_new_one(env_config):
@@ -81,8 +81,8 @@ def test_head_off_target_ends_the_episode_and_starts_a_new_one(env_config):
         assert bool(done.all()) == (step == due)
     assert not bool(extras["time_outs"].any())
     assert reward.tolist() == pytest.approx([env.config.reward.scale * -6.0] * 4, rel=1e-3)
-    assert env.episode_length_buf.tolist() == [0] * 4 and env.episode.tolist() == [1] * 4
-    assert env.state.target_x.tolist() == [0.0] * 4 and env.action.abs().max() == 0.0
+    assert env.episode_length_buf.tolist() == [0] * 4 and env.episodes.episode.tolist() == [1] * 4
+    assert env.state.target_x.tolist() == [0.0] * 4 and env.state.action.abs().max() == 0.0
 
 
 def test_a_fall_ends_the_episode_where_nothing_else_does(env_config):
@@ -129,7 +129,7 @@ def test_target_is_exact_at_any_time(env_config, target):
         env.episode_length_buf.fill_(step - 1)
         env.step(still(env))
         now = step * Fraction(env.config.control_dt)
-        for freq, x, vx in zip(env.freq.tolist(), env.state.target_x.tolist(), env.state.target_vx.tolist(), strict=True):
+        for freq, x, vx in zip(env.episodes.freq.tolist(), env.state.target_x.tolist(), env.state.target_vx.tolist(), strict=True):
             cycles, speed = Fraction(freq) * now, freq
             if ramp is not None:
                 risen = min(now, Fraction(ramp.duration))
@@ -142,10 +142,10 @@ def test_target_is_exact_at_any_time(env_config, target):
 
 def test_configured_frequencies_are_kept_in_double_precision(env_config):
     env = environment(env_config, "env.freq=0.6")
-    assert env.freq.tolist() == [0.6] * 4
+    assert env.episodes.freq.tolist() == [0.6] * 4
     env.follow(torch.tensor([0.1, 0.3, 0.7, 1.1], dtype=torch.float64))
     env.reset_all()
-    assert env.freq.tolist() == [0.1, 0.3, 0.7, 1.1]
+    assert env.episodes.freq.tolist() == [0.1, 0.3, 0.7, 1.1]
 
 
 def test_observation_groups(env_config):
@@ -233,7 +233,7 @@ def test_world_of_many_equals_world_of_few(env_config):
         seen, reward, done, _ = many.step(actions)
         seen_few, reward_few, done_few, _ = few.step(actions[:4])
         assert torch.equal(reward[:4], reward_few) and torch.equal(done[:4], done_few)
-    assert int(few.episode.sum()) > 0
+    assert int(few.episodes.episode.sum()) > 0
     for name in seen.keys():  # noqa: SIM118 - a TensorDict iterates over its rows
         assert torch.equal(seen[name][:4], seen_few[name]), name
 

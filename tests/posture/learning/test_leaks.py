@@ -60,7 +60,7 @@ def test_resets_keep_nothing():
             assert env.step(torch.zeros(64, 2))[2].all()
 
     assert_no_growth(steps, 300)
-    assert env.episode.tolist() == [303] * 64
+    assert env.episodes.episode.tolist() == [303] * 64
 
 
 @pytest.mark.slow

@@ -172,7 +172,7 @@ def test_parts_of_the_worlds_move_like_the_whole(env_config):
             own, own_reward, own_done, _ = part.step(actions[number::2])
             assert torch.equal(own["policy"], observed["policy"][number::2])
             assert torch.equal(own_reward, reward[number::2]) and torch.equal(own_done, done[number::2])
-    assert int(whole.episode.sum()) > 0
+    assert int(whole.episodes.episode.sum()) > 0
 
 
 def test_shuffled_storage_gives_rsl_rls_mini_batches():

@@ -85,7 +85,7 @@ def test_joint_torque_includes_the_spring_of_the_chosen_stiffness(session):
         session.set(hip_k=hip_k)
         session.step()
         angle, velocity = float(sim.joint_angle[0, 0]), float(sim.joint_velocity[0, 0])
-        expected = 100.0 * float(session._env.action[0, 0]) - 1.0 * velocity - hip_k * angle
+        expected = 100.0 * float(session._env.state.action[0, 0]) - 1.0 * velocity - hip_k * angle
         # joint_force belongs to the start of the last substep, half a control step earlier.
         assert float(sim.joint_force[0, 0]) == pytest.approx(expected, abs=1.5)
 
