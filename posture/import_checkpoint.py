@@ -16,8 +16,10 @@ from posture.storage.lock import locked
 
 
 def import_checkpoint(config: ImportConfig, folder: Path) -> None:
-    """Write config.yaml, provenance.yaml and model_<n>.pt to `folder`, n being the iterations done. Raises ConfigError if the
-    checkpoint does not fit the configuration, or if `folder` holds another one."""
+    """Write config.yaml, provenance.yaml and model_<n>.pt to `folder`, n being the number of iterations done.
+
+    Raises ConfigError if the checkpoint does not fit the configuration, or if `folder` holds another one.
+    """
     if run_dir.newest_model(folder) is not None:
         raise ConfigError(f"{folder}: holds a checkpoint already; out= names another folder")
     from posture.learning.networks import load_network

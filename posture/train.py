@@ -10,7 +10,7 @@ import contextlib
 import importlib.metadata
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from posture.cli import entry
 from posture.cli.jobs import differences, refuse_other_training
@@ -89,28 +89,23 @@ def _background(config: TrainConfig, folder: Path, done: int) -> "contextlib.Abs
 
 def _evaluate(config: TrainConfig, folder: Path) -> float | None:
     """Evaluate the policy of the training in `folder`, and keep the best, as `config` says."""
-    rows = None
     if config.evaluate:
         from posture.evaluation.trial import evaluate_run
 
-        rows = evaluate_run(folder, config)
+        evaluate_run(folder, config)
     if config.evaluate_every is not None:
         from posture.evaluation.best import keep_best
 
         leader = keep_best(folder, config)
-        if leader is None:
-            print("best: none, since every policy falls at every frequency")
-        else:
-            print(
-                f"best: model_{leader.iteration}.pt, kept as {folder / 'best.pt'}; falls at {leader.falls} of "
-                f"{len(config.evaluation.freq)} frequencies, {leader.cost_ratio:.3f} times the least cost"
-            )
+        print(f"best: {'none, since every policy falls at every frequency' if leader is None else folder / 'best.pt'}")
     print(f"run: {folder}")
-    if rows is None:
+    if not config.evaluate:
         return None
+    from posture.analysis.results import read_csv
     from posture.evaluation.best import objective
 
-    return objective(rows)
+    # From the file, whose numbers are rounded: a search that is started again must meet the same values.
+    return objective(read_csv(folder / "evaluation" / "metrics.csv"))
 
 
 def _learn(

@@ -45,9 +45,9 @@ def run(
 ) -> None:
     """Run a command: `task(config, folder)` for each job of the command line, `folder` being the job's own.
 
-    What a task returns is for Hydra's sweeper. The configuration is conf/`name`.yaml with the command line's overrides, checked as `kind`. `check(configs, in_sweep)`
-    is called once, before the first job: it raises ConfigError where a job could not run here. Exits with 2 on bad input,
-    with 1 if a job failed at run time, and with 128 + its number if a signal stopped it. Output that fails never ends the
+    The configuration is conf/`name`.yaml with the command line's overrides, checked as `kind`. `check(configs, in_sweep)`
+    is called once, before the first job: it raises ConfigError where a job could not run here. What `task` returns is for
+    the sweeper of a search. Exits with 2 on bad input, with 1 if a job failed at run time, and with 128 + its number if a signal stopped it. Output that fails never ends the
     work.
     """
     output.install()

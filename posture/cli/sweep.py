@@ -26,7 +26,7 @@ REPORT_EVERY_S = 30.0
 
 
 def run_job(task: Callable[[], Any], folder: Path, to_log: bool) -> Any:
-    """Run `task` as the job in `folder`, and return what it does. Its failure is recorded there and does not stop other jobs.
+    """Run `task` as the job in `folder`, and return its result. Its failure is recorded there and does not stop other jobs.
 
     A job that another process is running is skipped. `to_log`: redirect its output to log.txt.
     """

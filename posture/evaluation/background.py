@@ -21,7 +21,6 @@ from posture.cli.jobs import quoted
 from posture.config.train import TrainConfig
 from posture.evaluation.best import evaluation_folder, has_plateaued, keep_best, score, scores
 from posture.evaluation.trial import AS_TRAINED, is_current
-from posture.storage import run_dir
 
 FILM = "two_modes.gif"
 
@@ -46,13 +45,17 @@ class Background:
                 self._child.kill()
         self._thread.shutdown(cancel_futures=True)
 
-    def catch_up(self, done: int) -> None:
-        """Begin the evaluations that a training of `done` iterations lacks, as after it was stopped."""
+    def catch_up(self, done: int) -> bool:
+        """Begin the evaluations that a training of `done` iterations lacks, as after it was stopped. Returns whether
+        `patience` ended it then."""
         every = self._config.evaluate_every or done + 1
-        for iteration in range(every, done + 1, every):
-            model = self._run / f"model_{iteration}.pt"
-            if model.exists() and not self._is_evaluated(iteration):
-                self._evaluate(iteration)
+        for iteration in range(every, done, every):
+            self._evaluate_if_missing(iteration)
+        if self._has_plateaued(done, None):
+            return True
+        if done and done % every == 0:
+            self._evaluate_if_missing(done)
+        return False
 
     def after_checkpoint(self, done: int, writer: Any) -> bool:
         """Begin what is due for the checkpoint after `done` iterations, and write to the log of the training what has ended
@@ -63,7 +66,11 @@ class Background:
         """
         self._collect(writer)
         config = self._config
-        ends = self.has_plateaued(done, writer)
+        ends = self._has_plateaued(done, writer)
+        if ends:
+            print(
+                f"no better policy in {config.patience} evaluations: the training ends after {done} iterations", flush=True
+            )
         if config.film_every and done % config.film_every == 0:
             self._film(done)
         if not ends and config.evaluate_every and done % config.evaluate_every == 0:
@@ -72,7 +79,7 @@ class Background:
             self.finish(writer)
         return ends
 
-    def has_plateaued(self, done: int, writer: Any = None) -> bool:
+    def _has_plateaued(self, done: int, writer: Any) -> bool:
         """Whether `patience` ends the training after `done` iterations. Waits for the evaluations of earlier checkpoints."""
         patience, every = self._config.patience, self._config.evaluate_every
         if patience is None or every is None or done % every:
@@ -114,9 +121,14 @@ class Background:
         if evaluated:
             keep_best(self._run, self._config)
 
-    def _is_evaluated(self, iteration: int) -> bool:
-        out, model = evaluation_folder(self._run, self._config, iteration), self._run / f"model_{iteration}.pt"
-        return is_current(out, model, self._config, self._config.evaluation, AS_TRAINED, self._config.device)
+    def _evaluate_if_missing(self, iteration: int) -> None:
+        out, model, config = (
+            evaluation_folder(self._run, self._config, iteration),
+            self._run / f"model_{iteration}.pt",
+            self._config,
+        )
+        if model.exists() and not is_current(out, model, config, config.evaluation, AS_TRAINED, config.device):
+            self._evaluate(iteration)
 
     def _films(self, iteration: int) -> Path:
         return self._run / "films" / f"model_{iteration}"

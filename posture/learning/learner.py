@@ -20,7 +20,7 @@ from posture.learning.logger import TrainingLogger
 from posture.storage import checkpoint
 
 
-class _EndedEarly(Exception):
+class _EndedEarlyError(Exception):
     """The training ends before its last iteration."""
 
 
@@ -71,9 +71,8 @@ class Learner(OnPolicyRunner):
         self.logger.iterations_done = self._done
         self._set_std_floor()
         try:
-            with signals.deferred():
-                with contextlib.suppress(_EndedEarly):
-                    self.learn(total_iterations - self._done)
+            with signals.deferred(), contextlib.suppress(_EndedEarlyError):
+                self.learn(total_iterations - self._done)
         except FloatingPointError as error:
             raise FloatingPointError(f"iteration {self._done + 1}: {error}") from None
         finally:
@@ -97,7 +96,7 @@ class Learner(OnPolicyRunner):
         if due and not stop:
             ends = self._after_checkpoint is not None and self._after_checkpoint(done, self.logger.writer)
             if parallel.any_process(ends, self.device):
-                raise _EndedEarly
+                raise _EndedEarlyError
         if stop:
             if parallel.rank() == 0:
                 print(f"stopped after iteration {done}: saved in {self.folder}; resume continues from there", flush=True)

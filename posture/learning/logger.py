@@ -58,7 +58,7 @@ class Writer:
                     width=gif.width, height=gif.height, colorspace=3, encoded_image_string=path.read_bytes()
                 )
                 summary = Summary(value=[Summary.Value(tag="film", image=image)])
-                self._writer._get_file_writer().add_summary(summary, step)
+                self._writer._get_file_writer().add_summary(summary, step)  # type: ignore[no-untyped-call]
 
     def flush(self) -> None:
         """Values are written as they come."""

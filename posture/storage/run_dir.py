@@ -88,8 +88,8 @@ def find_checkpoints(name: str, wanted: Callable[[Path], bool] | None = None) ->
     elif path.is_file():
         if not is_run(path.parent):
             raise ConfigError(
-                f"{name}: has no config.yaml beside it, so its environment is unknown; posture.import_checkpoint makes a run of "
-                "a checkpoint of rsl-rl's own runner"
+                f"{name}: has no config.yaml beside it, so its environment is unknown; posture.import_checkpoint makes a "
+                "run of a checkpoint of rsl-rl's own runner"
             )
         return [path]
     elif path.is_dir():
