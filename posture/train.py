@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 
 from posture.cli import entry
 from posture.cli.jobs import differences, refuse_other_training
-from posture.config.checks import check_device, check_engine
+from posture.config.checks import check_device
 from posture.config.errors import ConfigError
+from posture.config.reading import read
 from posture.config.train import TrainConfig
 from posture.storage import atomic, provenance, run_dir
 from posture.storage.lock import locked
@@ -60,10 +61,10 @@ def _train(config: TrainConfig, folder: Path) -> float | None:
         _check_weights(config)
     # Schedules of weights keep the length that the training began with.
     steps = (run_dir.read_config(folder) if can_continue else config).training_steps
-    with _background(config, folder, done) as background:
-        ended = background is not None and background.has_plateaued(done)
+    with _background(config, folder) as background:
+        ended = background is not None and background.catch_up(done)
         if ended and config.resume is not None:
-            raise ConfigError(f"patience = {config.patience}: ended {folder} after {done} iterations; give more, or null")
+            raise ConfigError(f"patience = {config.patience} ended it after {done} iterations; allowed is more, or null")
         if done < config.max_iterations and not ended:
             with parallel.worker_processes(config.processes, config.device, _learn, config, folder, done > 0, steps):
                 _learn(config, folder, done > 0, steps, background)
@@ -74,7 +75,7 @@ def _train(config: TrainConfig, folder: Path) -> float | None:
     return _evaluate(config, folder) if parallel.rank() == 0 else None
 
 
-def _background(config: TrainConfig, folder: Path, done: int) -> "contextlib.AbstractContextManager[Background | None]":
+def _background(config: TrainConfig, folder: Path) -> "contextlib.AbstractContextManager[Background | None]":
     """The evaluations and films beside the training, if any; of the processes under torchrun, in the first."""
     from posture.learning import parallel
 
@@ -82,9 +83,7 @@ def _background(config: TrainConfig, folder: Path, done: int) -> "contextlib.Abs
         return contextlib.nullcontext()
     from posture.evaluation.background import Background
 
-    background = Background(folder, config)
-    background.catch_up(done)
-    return background
+    return Background(folder, config)
 
 
 def _evaluate(config: TrainConfig, folder: Path) -> float | None:
@@ -215,10 +214,7 @@ def _resumed(config: TrainConfig, folder: Path) -> TrainConfig:
     own = run_dir.read_config(folder)
     merged = own.model_copy(update={key: getattr(config, key) for key in entry.overridden_keys()})
     check_device(merged.device)
-    try:
-        check_engine(merged.env.physics, merged.device)
-    except ValueError as error:
-        raise ConfigError(str(error)) from None
+    read(TrainConfig, merged.model_dump() | {"resume": None})
     done = iterations_done(folder)
     if merged.max_iterations <= done:
         raise ConfigError(

@@ -47,8 +47,8 @@ def run(
 
     The configuration is conf/`name`.yaml with the command line's overrides, checked as `kind`. `check(configs, in_sweep)`
     is called once, before the first job: it raises ConfigError where a job could not run here. What `task` returns is for
-    the sweeper of a search. Exits with 2 on bad input, with 1 if a job failed at run time, and with 128 + its number if a signal stopped it. Output that fails never ends the
-    work.
+    the sweeper of a search. Exits with 2 on bad input, with 1 if a job failed at run time, and with 128 + its number if a
+    signal stopped it. Output that fails never ends the work.
     """
     output.install()
     # Hydra would otherwise print a task's errors itself and exit with 1.

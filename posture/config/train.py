@@ -45,7 +45,7 @@ class TrainConfig(CommandConfig):
             unused["agent.algorithm.desired_kl"] = "with agent.algorithm.schedule=fixed"
         if self.env.reward.tolerance_weight == 0:
             unused["env.reward.tolerance"] = "with env.reward.tolerance_weight=0"
-        if self.evaluate_every is None:
+        if self.evaluate_every is None and self.resume is None:  # a run that is resumed may have it
             unused["patience"] = "without evaluate_every"
         if self.device != "cpu" and self.processes > 1:
             unused["processes"] = f"with device={self.device}"
@@ -57,7 +57,7 @@ class TrainConfig(CommandConfig):
         check_engine(self.env.physics, self.device)
         for name in ("evaluate_every", "film_every"):
             every, saved = getattr(self, name), self.agent.save_interval
-            if every is not None and every % saved:
+            if every is not None and every % saved and self.resume is None:  # a run that is resumed has its own
                 raise ValueError(f"{name} = {every}: allowed is a multiple of agent.save_interval, {saved}")
         if self.evaluate_every is not None and (
             self.env.ramp is not None or self.evaluation.tolerance >= self.env.amplitude

@@ -68,9 +68,7 @@ class Background:
         config = self._config
         ends = self._has_plateaued(done, writer)
         if ends:
-            print(
-                f"no better policy in {config.patience} evaluations: the training ends after {done} iterations", flush=True
-            )
+            print(f"no better policy in {config.patience} evaluations: it ends after {done} iterations", flush=True)
         if config.film_every and done % config.film_every == 0:
             self._film(done)
         if not ends and config.evaluate_every and done % config.evaluate_every == 0:
@@ -122,11 +120,8 @@ class Background:
             keep_best(self._run, self._config)
 
     def _evaluate_if_missing(self, iteration: int) -> None:
-        out, model, config = (
-            evaluation_folder(self._run, self._config, iteration),
-            self._run / f"model_{iteration}.pt",
-            self._config,
-        )
+        config, model = self._config, self._run / f"model_{iteration}.pt"
+        out = evaluation_folder(self._run, config, iteration)
         if model.exists() and not is_current(out, model, config, config.evaluation, AS_TRAINED, config.device):
             self._evaluate(iteration)
 
