@@ -1,12 +1,19 @@
 """The best of several evaluated policies, and when they no longer improve, by hand."""
 
 import dataclasses
+import hashlib
 import math
+import shutil
+from pathlib import Path
 
 import pytest
+import yaml
 
 from posture.analysis.results import LeastCost, Result
 from posture.evaluation.best import Score, best, has_plateaued, objective, score
+from posture.play.policies import policy_choices
+from tests.commands import EVALUATION, TINY, call
+from tests.conftest import compose_eval
 
 NAN = math.nan
 
@@ -58,3 +65,20 @@ def test_fewest_falls_come_before_the_least_cost_and_the_first_before_its_equals
 def test_two_evaluations_without_a_better_policy_are_a_plateau(ratios, plateau):
     found = [Score(10 * n, 1 if math.isnan(ratio) else 0, ratio) for n, ratio in enumerate(ratios, 1)]
     assert has_plateaued(found, 2) is plateau
+
+
+def test_every_command_takes_the_best_policy(sound, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run = shutil.copytree(sound, tmp_path / "run")
+    shutil.copy(run / "model_1.pt", run / "best.pt")
+    call(monkeypatch, "eval", "ckpt=run/best.pt", *EVALUATION, "evaluation.figures=false", "evaluation.freq=[0.5]")
+    (folder,) = run.glob("evaluation_best*")
+    record = yaml.safe_load((folder / "trial.yaml").read_text())
+    assert record["policy_sha256"] == hashlib.sha256((run / "model_1.pt").read_bytes()).hexdigest()
+    films = ["films=[two_modes]", "formats=[gif]", "width=60", "fps=6", "settle=0", "shortest=0.5", "env.freq=1.5"]
+    call(monkeypatch, "film", "ckpt=run/best.pt", *films, "out=film")
+    call(monkeypatch, "export", "ckpt=run/best.pt", "what=[trajectories]", "evaluation.duration=1.0", "out=export")
+    assert Path("film/two_modes.gif").exists() and list(Path("export").glob("*.csv"))
+    first = policy_choices("run/best.pt", compose_eval().lqr)[0]
+    assert (first.name, first.model) == ("run/best", Path("run/best.pt"))
+    call(monkeypatch, "train", *TINY, "init=run/best.pt", "evaluate=false", "out=tuned")
