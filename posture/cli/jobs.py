@@ -21,7 +21,7 @@ import hydra
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import IntervalSweep, Override, Quote, QuotedString
-from hydra.errors import HydraException
+from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -405,6 +405,12 @@ def _errors_are_bad_input() -> Iterator[None]:
     """Turn every error into ConfigError: Hydra raises Python's own exceptions for some bad input."""
     try:
         yield
+    except MissingConfigException as error:
+        if error.missing_cfg_file != "hydra/sweeper/optuna":
+            raise
+        raise ConfigError(
+            "a search needs the package hydra-optuna-sweeper: python -m pip install -c constraints.txt -e '.[search]'"
+        ) from None
     except (ConfigError, HydraException, OmegaConfBaseException):
         raise
     except Exception as error:

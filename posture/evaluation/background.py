@@ -18,6 +18,7 @@ from posture import operating_system
 from posture.analysis.results import read_csv
 from posture.cli import signals
 from posture.cli.jobs import quoted
+from posture.config import torchrun
 from posture.config.train import TrainConfig
 from posture.evaluation.best import evaluation_folder, has_plateaued, keep_best, score, scores
 from posture.evaluation.trial import AS_TRAINED, is_current
@@ -150,8 +151,9 @@ class Background:
             with self._lock:
                 if self._closed:
                     return "the training has ended"
-                # More threads would take the cores of the training.
-                environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+                # It is none of the processes that torchrun started, and more threads would take the cores of the training.
+                own = {name: value for name, value in os.environ.items() if name not in torchrun.VARIABLES}
+                environment = own | {"OMP_NUM_THREADS": "1"}
                 self._child = operating_system.start_in_background(line, messages, environment)
             code = self._child.wait()
             messages.seek(0)

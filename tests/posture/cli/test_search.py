@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 import yaml
+from hydra.core.config_store import ConfigStore
+from hydra.core.plugins import Plugins
 
 from posture.analysis.results import read_csv
 from posture.evaluation.best import objective
@@ -44,6 +46,13 @@ def test_the_ends_of_every_range_are_checked_before_the_first_training(monkeypat
     assert line.startswith("error: agent.algorithm.gamma = 1.5")
     assert "evaluate=false: a search" in refused(monkeypatch, capsys, "train", *SEARCH, "evaluate=false")
     assert not Path("runs").exists()
+
+
+def test_without_the_package(monkeypatch, capsys):
+    Plugins.instance()  # which enters it into the store
+    monkeypatch.delitem(ConfigStore.instance().repo["hydra"]["sweeper"], "optuna.yaml")
+    line = refused(monkeypatch, capsys, "train", *SEARCH)
+    assert line.startswith("error: a search needs the package hydra-optuna-sweeper: python -m pip install")
 
 
 def test_other_commands_have_no_search(monkeypatch, capsys):
