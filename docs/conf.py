@@ -62,6 +62,7 @@ nb_output_stderr = "remove"  # what Warp says where there is no GPU
 
 IMPORTED = "circmean, circstd, bootstrap"  # of scipy, whose decorators hide that they are
 autodoc_default_options = {"members": True, "member-order": "bysource", "exclude-members": f"model_config, {IMPORTED}"}
+viewcode_follow_imported_members = False  # to builtins, which have no source
 autodoc_typehints = "signature"
 autodoc_preserve_defaults = True
 python_maximum_signature_line_length = 90
