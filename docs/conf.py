@@ -1,7 +1,7 @@
 """Sphinx configuration of the documentation site: `make docs`.
 
-The pages are the repository's own Markdown files at their own paths, so that a relative link works on disk, on GitHub and on the
-site. Nothing is loaded from another site: no fonts, no scripts.
+The pages are the repository's own Markdown files at their own paths, so that a relative link works on disk, on GitHub and on
+the site. Nothing is loaded from another site: no fonts, no scripts.
 """
 
 import re
@@ -11,11 +11,12 @@ from os.path import normpath
 from pathlib import Path, PurePosixPath
 from urllib.parse import unquote
 
-import posture  # noqa: F401  the package `envs` of this repository is then imported, not another one
 from docutils import nodes
 from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.util import logging
+
+import posture  # noqa: F401  the package `envs` of this repository is then imported, not another one
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -124,7 +125,7 @@ def escape_docstring(app: Sphinx, what: str, name: str, obj: object, options: ob
 
 
 def restructured(paragraph: str) -> str:
-    """A paragraph with its other special characters escaped; one with indented lines, such as equations, as a literal block."""
+    """A paragraph with its other special characters escaped; one with indented lines (equations) as a literal block."""
     if re.search(r"^\s", paragraph, flags=re.M):
         return "::\n\n" + textwrap.indent(textwrap.dedent(paragraph), "    ")
     parts = re.split(r"(`[^`]*`|\*\*)", paragraph)

@@ -159,10 +159,8 @@ def evaluate_policy(
     return rows
 
 
-def measure_policy(
-    env: HeadTrackingEnv, policy: Policy, evaluation: EvaluationConfig
-) -> tuple[list[Result], Trajectory]:
-    """Roll out `policy` at every frequency of `evaluation`, in one batch: a result for each, with the theory, and the roll-out."""
+def measure_policy(env: HeadTrackingEnv, policy: Policy, evaluation: EvaluationConfig) -> tuple[list[Result], Trajectory]:
+    """Roll out `policy` at every frequency of `evaluation`; a result for each, with the theory, and the roll-out."""
     # The target of a ramp is the environment's own.
     freq = torch.tensor(evaluation.freq, dtype=torch.float64) if env.config.ramp is None else None
     trajectory = rollout(env, policy, freq, evaluation.duration)
