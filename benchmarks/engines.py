@@ -10,8 +10,8 @@ Engines:
     mujoco_c: `mujoco.rollout`, MuJoCo's C engine; physics alone, with one thread and with one per core. Its worlds are rows
         of an array, so memory per world is not reported.
     gymnasium: `gymnasium.make_vec` of this package: sagittal with NumPy arrays in and out, one thread.
-    gymnasium_async: single environments of this package with `physics="mujoco_c"` in Gymnasium's AsyncVectorEnv, one process
-        per world; up to 64 worlds. Python around MuJoCo's C engine, as is usual with Gymnasium, but with our environment.
+    gymnasium_async: the same with `vectorization_mode="async"`: single environments in Gymnasium's AsyncVectorEnv, one
+        process per world; up to 64 worlds.
 
 Prints and writes one row per measurement: control steps/s over all worlds (two physics steps each as configured), and bytes
 per world: the growth of memory over the smallest number of worlds, divided by the number of added worlds. Physics alone
@@ -159,8 +159,8 @@ def _gymnasium(_: EnvConfig, worlds: int, threads: int, device: str, seconds: fl
 
 
 def _gymnasium_async(_: EnvConfig, worlds: int, threads: int, device: str, seconds: float) -> Row:
-    how = {"vectorization_mode": "async", "vector_kwargs": {"autoreset_mode": "SameStep"}}
-    return _stepped(worlds, device, seconds, physics="mujoco_c", **how)
+    mode = {"autoreset_mode": "SameStep"}
+    return _stepped(worlds, device, seconds, vectorization_mode="async", vector_kwargs=mode)
 
 
 def _stepped(worlds: int, device: str, seconds: float, **keys: Any) -> Row:

@@ -19,8 +19,9 @@ def build(config: TrainConfig) -> PPO:
     """An untrained model."""
     agent, algorithm = config.agent, config.agent.algorithm
     keys = config.env.model_dump()
+    training_steps = config.training_steps if config.env.schedules else None
     envs = VecNormalize(
-        StanderVecEnv(keys.pop("num_envs"), training_steps=config.training_steps, **keys),
+        StanderVecEnv(keys.pop("num_envs"), training_steps=training_steps, **keys),
         norm_obs=agent.actor.obs_normalization,
         norm_reward=False,
         clip_obs=np.inf,

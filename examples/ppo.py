@@ -1,12 +1,11 @@
 """PPO in one file, in the style of CleanRL, on the vector environment.
 
-    python examples/ppo.py [--seconds 60] [--num-envs 256] [--seed 1]
+    python examples/ppo.py [--steps 500000] [--num-envs 256] [--seed 1]
 
 Prints, after every tenth update, the control steps so far, and return and length of the last hundred episodes on average.
 """
 
 import argparse
-import time
 
 import gymnasium
 import numpy as np
@@ -23,7 +22,7 @@ FIRST_STD = 0.2
 """Standard deviation of the first actions. With 1, as is usual, the stander falls at once."""
 
 
-def train(seconds: float, num_envs: int, seed: int) -> list[tuple[float, float]]:
+def train(steps: int, num_envs: int, seed: int) -> list[tuple[float, float]]:
     """Return and length of the last hundred episodes, on average, after each update."""
     torch.manual_seed(seed)
     envs = RecordEpisodeStatistics(gymnasium.make_vec(posture.gymnasium.ID, num_envs, autoreset_mode="SameStep"))
@@ -33,9 +32,9 @@ def train(seconds: float, num_envs: int, seed: int) -> list[tuple[float, float]]
     log_std = nn.Parameter(torch.full((actions,), FIRST_STD).log())
     parameters = [*actor.parameters(), *critic.parameters(), log_std]
     optimizer = torch.optim.Adam(parameters, LEARNING_RATE)
-    seen, curve, begun = torch.from_numpy(envs.reset(seed=seed)[0]), [], time.perf_counter()
+    seen, curve = torch.from_numpy(envs.reset(seed=seed)[0]), []
 
-    while time.perf_counter() - begun < seconds:
+    for update in range(1, steps // (STEPS * num_envs) + 1):
         # 1. Roll out. An episode that timed out is worth more than was seen of it: the value of its last observation.
         batch = []
         for _ in range(STEPS):
@@ -74,10 +73,9 @@ def train(seconds: float, num_envs: int, seed: int) -> list[tuple[float, float]]
         scaled.train()(raw.flatten(0, 1))
         scaled.eval()
 
-        count = len(curve) + 1
         curve.append((float(np.mean(envs.return_queue)), float(np.mean(envs.length_queue))))
-        if count % 10 == 0:
-            print(f"{count * STEPS * num_envs:>10,} steps: return {curve[-1][0]:.2f}, length {curve[-1][1]:.0f}", flush=True)
+        if update % 10 == 0:
+            print(f"{update * STEPS * num_envs:>9,} steps: return {curve[-1][0]:.2f}, length {curve[-1][1]:.0f}", flush=True)
     envs.close()
     return curve
 
@@ -92,8 +90,8 @@ def network(inputs: int, outputs: int, last_gain: float) -> nn.Sequential:
 if __name__ == "__main__":
     torch.set_num_threads(1)
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--steps", type=int, default=500_000)
     parser.add_argument("--num-envs", type=int, default=256)
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
-    train(arguments.seconds, arguments.num_envs, arguments.seed)
+    train(arguments.steps, arguments.num_envs, arguments.seed)

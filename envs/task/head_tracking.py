@@ -131,11 +131,6 @@ class HeadTrackingEnv(VecEnv):
         """From its next episode on, world i follows a target of the constant frequency `freq`[i] [Hz], (N,)."""
         self._source.fix(freq.to(self.sim.device))
 
-    def reseed(self, seed: int) -> None:
-        """From the next episode on, draw frequencies and lengths as a new environment with this `seed` does."""
-        self._source.seed = self._lengths.seed = seed
-        self.episode.fill_(-1)
-
     def warm_up(self) -> None:
         """Compile the kernels of a step and, on a GPU, capture its graph, without moving anything."""
         before = self.state_dict()

@@ -65,7 +65,7 @@ class FrequencySource:
     ) -> None:
         """For the `worlds` (N,) int64 out of `num_worlds`."""
         n, device = len(worlds), worlds.device
-        self.seed = seed
+        self._seed = seed
         if ramp is not None:
             low = high = ramp.start
         else:
@@ -85,7 +85,7 @@ class FrequencySource:
 
     def draw(self, episode: torch.Tensor) -> torch.Tensor:
         """Frequency [Hz] of each world's `episode` (N,) int64. Shape (N,) float64."""
-        return self._low + self._width * uniform(self.seed, self._worlds, episode)
+        return self._low + self._width * uniform(self._seed, self._worlds, episode)
 
 
 class LengthSource:
@@ -93,14 +93,14 @@ class LengthSource:
 
     def __init__(self, low: int, high: int, worlds: torch.Tensor, seed: int) -> None:
         self._low, self._width, self._worlds = low, high - low + 1, worlds
-        self.seed = seed
+        # Other random numbers than those of the frequencies.
+        self._seed = ~seed
 
     def draw(self, episode: torch.Tensor) -> torch.Tensor:
         """Length of each world's `episode` (N,) int64. Shape (N,) int64."""
         if self._width == 1:
             return torch.full_like(episode, self._low)
-        # ~: other random numbers than those of the frequencies.
-        return self._low + (self._width * uniform(~self.seed, self._worlds, episode)).long()
+        return self._low + (self._width * uniform(self._seed, self._worlds, episode)).long()
 
 
 def uniform(seed: int, world: torch.Tensor, episode: torch.Tensor) -> torch.Tensor:

@@ -15,7 +15,7 @@ class StanderEnv(gymnasium.Env[Array, Array]):
     metadata = {"render_modes": RENDER_MODES}
 
     def __init__(
-        self, render_mode: str | None = None, env: str = "head_tracking", training_steps: int | None = None, **keys: Any
+        self, render_mode: str | None = None, env: str = "fixed_reward", training_steps: int | None = None, **keys: Any
     ) -> None:
         """The task of conf/env/`env`.yaml, in which `keys` replace values. `training_steps`: control steps of the training,
         for weights that are scheduled; None: they have their final values. Raises ValueError if a value is not allowed."""

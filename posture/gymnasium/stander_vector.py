@@ -24,7 +24,7 @@ class StanderVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
         num_envs: int = 1,
         render_mode: str | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        env: str = "head_tracking",
+        env: str = "fixed_reward",
         training_steps: int | None = None,
         **keys: Any,
     ) -> None:

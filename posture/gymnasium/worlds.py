@@ -8,6 +8,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from envs.body.joints import ANKLES, HIPS, KINDS
+from envs.task import target
 from envs.task.head_tracking import HeadTrackingEnv
 from envs.task.observations import components
 from posture.config.gymnasium import GymnasiumConfig
@@ -32,8 +33,13 @@ class Worlds(HeadTrackingEnv):
         self._picture: Picture | None = None
 
     def reseed_from(self, random: np.random.Generator) -> None:
-        """Draw a seed for all episodes to come."""
-        self.reseed(int(random.integers(2**63)))
+        """Draw a seed: the episodes from the next one on are those of a new `HeadTrackingEnv` with this seed."""
+        config, seed = self.config, int(random.integers(2**63))
+        low, high = config.episode_steps if isinstance(config.episode_steps, tuple) else 2 * (config.episode_steps,)
+        numbers = torch.arange(self.num_envs)
+        self._source = target.FrequencySource(config.freq, config.ramp, config.freq_draw, numbers, self.num_envs, seed)
+        self._lengths = target.LengthSource(low, high, numbers, seed)
+        self.episode.fill_(-1)
 
     def begin(self, mask: Mask | None = None) -> None:
         """Begin an episode in the worlds of `mask` (N,), None: in all."""

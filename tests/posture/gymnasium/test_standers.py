@@ -83,7 +83,7 @@ def test_as_head_tracking_env():
     """The vector environment is `HeadTrackingEnv`, bit for bit: episodes, their targets and their rewards."""
     env = gymnasium.make_vec(ID, 8, autoreset_mode="SameStep", episode_steps=[10, 30])
     seen, _ = env.reset(seed=5)
-    bare = HeadTrackingEnv(configure(8, "head_tracking", None, {"episode_steps": [10, 30]}).env, first_seed(5), "cpu")
+    bare = HeadTrackingEnv(configure(8, "fixed_reward", None, {"episode_steps": [10, 30]}).env, first_seed(5), "cpu")
     assert np.array_equal(seen, torch.cat([*bare.get_observations().values()], -1).numpy())
     ends = 0
     for actions in random_actions(60, 8, 0.3):
@@ -124,7 +124,8 @@ def test_terminated_or_truncated():
 
 
 def test_reward_of_a_training():
-    """Standing on target is worth 0.03 x 2; with `training_steps` 0.03 x 11 at first, and 0.03 x 2 after 40 % of them."""
+    """Standing on target is worth 0.03 x 11; with the schedule of env=head_tracking this falls to 0.03 x 2 in 40 % of
+    `training_steps`, and without them it is 0.03 x 2."""
     still = np.zeros(2, dtype=np.float32)
 
     def rewards(**keys):
@@ -132,10 +133,10 @@ def test_reward_of_a_training():
         env.reset()
         return [env.step(still)[1] for _ in range(5)]
 
-    assert rewards() == pytest.approx(5 * [0.06], abs=1e-3)
-    assert rewards(training_steps=10) == pytest.approx(
-        [0.33 * (2 / 11) ** share for share in (0.25, 0.5, 0.75, 1.0, 1.0)], abs=1e-3
-    )
+    assert rewards() == pytest.approx(5 * [0.33], abs=1e-3)
+    assert rewards(env="head_tracking") == pytest.approx(5 * [0.06], abs=1e-3)
+    falling = [0.33 * (2 / 11) ** share for share in (0.25, 0.5, 0.75, 1.0, 1.0)]
+    assert rewards(env="head_tracking", training_steps=10) == pytest.approx(falling, abs=1e-3)
 
 
 def test_size_and_names_of_the_observation():
@@ -181,8 +182,9 @@ def test_seeds_of_the_vector_environment():
         ({"freq": "fast"}, r"env.freq = fast: allowed is a number, or a range \[low, high\]"),
         ({"hipk": 50}, "env.hipk: no such key"),
         ({"reward": {"stay": 1}}, "env.reward.stay: no such key"),
-        ({"env": "papers"}, "env/papers.* authors_code head_tracking paper"),
+        ({"env": "papers"}, "env/papers.* authors_code fixed_reward head_tracking paper"),
         ({"training_steps": 0}, "training_steps = 0: must be greater than or equal to 1"),
+        ({"training_steps": 10}, "training_steps: has no effect where no weight is a schedule"),
         ({"num_envs": 5}, "make_vec takes num_envs"),
         ({"render_mode": "ansi"}, "render_mode = ansi: allowed is rgb_array or None"),
     ],
@@ -205,9 +207,10 @@ def test_bad_values_of_make_vec():
 
 def test_values_reach_the_task():
     """Keys replace values in a group of keys one by one; numbers of NumPy count as numbers."""
-    config = configure(2, "authors_code", 7, {"hip_k": np.float32(50), "freq": (0.3, 1.2), "reward": {"alive": 3}})
+    keys = {"hip_k": np.float32(50), "freq": (0.3, 1.2), "reward": {"alive": {"start": 3, "end": 1, "until": 0.5}}}
+    config = configure(2, "authors_code", 7, keys)
     plain = configure(1, "authors_code", None, {})
-    assert (config.env.hip_k, config.env.freq, config.env.reward.alive) == (50.0, (0.3, 1.2), 3.0)
+    assert (config.env.hip_k, config.env.freq, config.env.reward.alive.start) == (50.0, (0.3, 1.2), 3.0)
     assert config.env.reward.stay_weight == plain.env.reward.stay_weight == 4.0
     assert (config.env.num_envs, config.training_steps, plain.training_steps) == (2, 7, None)
 
