@@ -9,7 +9,7 @@ STAMP := .venv/.installed
 .DEFAULT_GOAL := help
 ARGUMENTS = $(if $(seeds),seeds=$(seeds)) $(ARGS)
 
-.PHONY: help setup play film train eval theory reproduce benchmark test test-slow lint types check clean
+.PHONY: help setup play film train eval theory reproduce benchmark docs test test-slow lint types check clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -47,6 +47,11 @@ benchmark: setup ## measure engines and learners (long)
 	$(BIN)/python benchmarks/speed.py
 	$(BIN)/python benchmarks/engines.py
 	$(BIN)/python benchmarks/learners.py
+
+docs: setup ## build the documentation site in build/site, with every broken link an error; Sphinx options in ARGS
+	rm -rf build/site
+	$(BIN)/python -m sphinx --quiet --fail-on-warning --keep-going --fresh-env -d build/doctrees -c docs $(ARGS) . build/site
+	@echo "build/site/index.html"
 
 test: setup ## run the quick tests, on several cores; pytest options in ARGS
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal --durations 40 $(ARGS)
