@@ -101,7 +101,7 @@ class Judge:
 
     def __init__(self, learner: str, config: TrainConfig, budget: float, every: float) -> None:
         self._learner, self._config, self._budget, self._every = learner, config, budget, every
-        trial = trial_config(config.env, config.evaluation, AS_TRAINED)
+        trial = trial_config(config.env, config.evaluation, AS_TRAINED, config.device)
         self._env = HeadTrackingEnv(trial, config.seed, config.device)
         self._env.warm_up()
         self.curve: list[Row] = []
