@@ -43,8 +43,7 @@ theory: setup ## the torque-optimal stander, without learning; Hydra overrides i
 reproduce: setup ## every experiment of the paper, and the report; seeds=1 for a policy of each condition; Hydra overrides in ARGS
 	$(BIN)/python -m posture.reproduce $(ARGUMENTS)
 
-benchmark: setup ## measure engines and learners (long); installs gymnasium and stable-baselines3
-	$(BIN)/python -m pip install --quiet -c constraints.txt gymnasium stable-baselines3
+benchmark: setup ## measure engines and learners (long)
 	$(BIN)/python benchmarks/speed.py
 	$(BIN)/python benchmarks/engines.py
 	$(BIN)/python benchmarks/learners.py

@@ -39,7 +39,7 @@ NAVIGATION = {
     "Start": ["Overview <self>", "docs/introduction", "docs/notebooks/switch", "docs/commands", "docs/gallery"],
     "Findings": ["docs/results", "results/reproduction/summary", "docs/reproduction", "results/lqr/table"],
     "Background": ["docs/task", "docs/physics", "docs/theory", "docs/learning"],
-    "Operation": ["docs/speed", "docs/scale", "docs/export", "docs/robustness"],
+    "Operation": ["docs/speed", "docs/scale", "docs/gymnasium", "docs/export", "docs/robustness"],
     "Development": ["docs/architecture", "docs/api/index", "CHANGELOG"],
 }
 """The navigation: parts and their pages, in order."""

@@ -12,7 +12,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
@@ -190,10 +190,22 @@ def _combinations(overrides: Sequence[Override]) -> list[tuple[str, ...]]:
     return list(itertools.product(*values.values()))
 
 
-def compose(name: str, kind: type[Config], *overrides: str) -> Config:
-    """The checked configuration conf/`name`.yaml with `overrides`, for use outside a command."""
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        return read(kind, plain(hydra.compose(name, list(overrides))))
+def compose(name: str, kind: type[Config], *overrides: str, values: Mapping[str, Any] | None = None) -> Config:
+    """The checked configuration conf/`name`.yaml with `overrides`, then with `values`, for use outside a command, also in a
+    program that itself runs under Hydra."""
+    running = GlobalHydra.instance().hydra
+    GlobalHydra.instance().clear()
+    try:
+        with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+            return read(kind, _merged(plain(hydra.compose(name, list(overrides))), values or {}))
+    finally:
+        GlobalHydra.instance().hydra = running
+
+
+def _merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """`values` with `changes`, group by group."""
+    groups = {key for key in changes if isinstance(changes[key], Mapping) and isinstance(values.get(key), Mapping)}
+    return {**values, **changes, **{key: _merged(values[key], changes[key]) for key in groups}}
 
 
 def plain(composed: DictConfig) -> dict[str, Any]:
