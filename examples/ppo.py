@@ -19,7 +19,7 @@ import posture.gymnasium
 STEPS, EPOCHS, MINI_BATCHES, LEARNING_RATE = 32, 4, 8, 1e-3
 GAMMA, LAMBDA, CLIP = 0.99, 0.98, 0.2
 FIRST_STD = 0.2
-"""Standard deviation of the first actions. With 1, as is usual, the stander falls at once."""
+"""Standard deviation of the first actions. With 1, as is usual, the first episodes are half as long."""
 
 
 def train(steps: int, num_envs: int, seed: int) -> list[tuple[float, float]]:
