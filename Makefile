@@ -9,7 +9,7 @@ STAMP := .venv/.installed
 .DEFAULT_GOAL := help
 ARGUMENTS = $(if $(seeds),seeds=$(seeds)) $(ARGS)
 
-.PHONY: help setup play film train eval theory reproduce benchmark test test-slow lint types check clean
+.PHONY: help setup play film train eval theory reproduce benchmark docs test test-slow lint types check clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -43,11 +43,15 @@ theory: setup ## the torque-optimal stander, without learning; Hydra overrides i
 reproduce: setup ## every experiment of the paper, and the report; seeds=1 for a policy of each condition; Hydra overrides in ARGS
 	$(BIN)/python -m posture.reproduce $(ARGUMENTS)
 
-benchmark: setup ## measure engines and learners (long); installs gymnasium and stable-baselines3
-	$(BIN)/python -m pip install --quiet -c constraints.txt gymnasium stable-baselines3
+benchmark: setup ## measure engines and learners (long)
 	$(BIN)/python benchmarks/speed.py
 	$(BIN)/python benchmarks/engines.py
 	$(BIN)/python benchmarks/learners.py
+
+docs: setup ## build the documentation site in build/site, with every broken link an error; Sphinx options in ARGS
+	rm -rf build/site
+	$(BIN)/python -m sphinx --quiet --fail-on-warning --keep-going --fresh-env -d build/doctrees -c docs $(ARGS) . build/site
+	@echo "build/site/index.html"
 
 test: setup ## run the quick tests, on several cores; pytest options in ARGS
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal --durations 40 $(ARGS)

@@ -9,8 +9,9 @@ Engines:
         with one thread and with one per core; it uses fewer when there are few worlds.
     mujoco_c: `mujoco.rollout`, MuJoCo's C engine; physics alone, with one thread and with one per core. Its worlds are rows
         of an array, so memory per world is not reported.
-    gymnasium: the environment of gym_stander.py in one process per core; up to 1024 worlds.
-    gymnasium_async: the same in Gymnasium's AsyncVectorEnv, one process per world; up to 64 worlds.
+    gymnasium: `gymnasium.make_vec` of this package: sagittal with NumPy arrays in and out, one thread.
+    gymnasium_async: the same with `vectorization_mode="async"`: single environments in Gymnasium's AsyncVectorEnv, one
+        process per world; up to 64 worlds.
 
 Prints and writes one row per measurement: control steps/s over all worlds (two physics steps each as configured), and bytes
 per world: the growth of memory over the smallest number of worlds, divided by the number of added worlds. Physics alone
@@ -23,7 +24,6 @@ import math
 import os
 import statistics
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -43,8 +43,8 @@ TRIAL = 32
 """Control steps from standing: half a second, in which the feet stay on the ground."""
 NOISE = 0.2
 """Standard deviation of the random actions, that of an untrained policy; that of the torques is a tenth of it."""
-MOST = {"gymnasium": 1024, "gymnasium_async": 64}
-"""Largest number of worlds that an engine is run with, since more take too long to build."""
+MOST = {"gymnasium_async": 64}
+"""Largest number of worlds that an engine is run with, since more processes take too long to start."""
 BLOCK = 1024
 """Worlds in one call of mujoco.rollout: enough to keep its threads busy, few enough for a short call."""
 NOTICEABLE = 4 * 2**20
@@ -84,7 +84,7 @@ def threads(engine: str, worlds: int) -> list[int]:
     cores = os.cpu_count() or 1
     if worlds > MOST.get(engine, worlds):
         return []
-    several = {"gymnasium": [min(cores, worlds)], "gymnasium_async": [worlds], "mujoco": [1]}
+    several = {"gymnasium": [1], "gymnasium_async": [worlds], "mujoco": [1]}
     return several.get(engine, sorted({1, cores}))
 
 
@@ -154,23 +154,22 @@ def _mujoco_c(config: EnvConfig, worlds: int, threads: int, device: str, seconds
     return {"physics_steps_per_s": trials * TRIAL * block}
 
 
-def _gymnasium(config: EnvConfig, worlds: int, processes: int, device: str, seconds: float) -> Row:
-    from gym_stander import Pool
-
-    return _stepped(Pool(config, worlds, processes, seed=0), worlds, device, seconds)
+def _gymnasium(_: EnvConfig, worlds: int, threads: int, device: str, seconds: float) -> Row:
+    return _stepped(worlds, device, seconds, autoreset_mode="SameStep")
 
 
-def _gymnasium_async(config: EnvConfig, worlds: int, _: int, device: str, seconds: float) -> Row:
-    from gym_stander import FORK, StanderEnv, shares
-    from gymnasium.vector import AsyncVectorEnv, AutoresetMode
+def _gymnasium_async(_: EnvConfig, worlds: int, threads: int, device: str, seconds: float) -> Row:
+    mode = {"autoreset_mode": "SameStep"}
+    return _stepped(worlds, device, seconds, vectorization_mode="async", vector_kwargs=mode)
 
-    own = [partial(StanderEnv, part) for part in shares(config, worlds)]
-    env = AsyncVectorEnv(own, context=FORK, autoreset_mode=AutoresetMode.SAME_STEP)
+
+def _stepped(worlds: int, device: str, seconds: float, **keys: Any) -> Row:
+    import gymnasium  # imported here because it is optional
+
+    from posture.gymnasium import ID
+
+    env = gymnasium.make_vec(ID, worlds, **keys)
     env.reset(seed=0)
-    return _stepped(env, worlds, device, seconds)
-
-
-def _stepped(env: Any, worlds: int, device: str, seconds: float) -> Row:
     actions = (NOISE * torch.randn(TRIAL, worlds, 2)).clamp(-1.0, 1.0).numpy()
     whole = rate(lambda i: env.step(actions[i]), lambda: None, device, seconds)
     row = {"env_steps_per_s": whole * worlds, "bytes": memory(device)}

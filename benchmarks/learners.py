@@ -1,4 +1,4 @@
-"""Speed of learning: ours, and Stable-Baselines3's PPO on the Gymnasium environment of gym_stander.py.
+"""Speed of learning: ours, and Stable-Baselines3's PPO, both in the same environment; SB3 by its Gymnasium interface.
 
     python benchmarks/learners.py [--learners ours sb3] [--worlds N] [--budget 600] [--every 30] [--device cpu]
                                   [--csv benchmarks/learners.csv] [--curves benchmarks/learners_curves.csv] [overrides ...]
@@ -18,7 +18,6 @@ Overrides are Hydra's, e.g. env.physics=mujoco.
 
 import argparse
 import contextlib
-import os
 import statistics
 import tempfile
 import time
@@ -102,7 +101,7 @@ class Judge:
 
     def __init__(self, learner: str, config: TrainConfig, budget: float, every: float) -> None:
         self._learner, self._config, self._budget, self._every = learner, config, budget, every
-        trial = trial_config(config.env, config.evaluation, AS_TRAINED)
+        trial = trial_config(config.env, config.evaluation, AS_TRAINED, config.device)
         self._env = HeadTrackingEnv(trial, config.seed, config.device)
         self._env.warm_up()
         self.curve: list[Row] = []
@@ -188,11 +187,10 @@ def _share(config: TrainConfig, judge: Judge | None) -> None:
 def _sb3(config: TrainConfig, judge: Judge) -> int:
     from sb3 import build, learn  # imported here because it is optional
 
-    processes = min(os.cpu_count() or 1, config.env.num_envs)
-    model = build(config, processes)
+    model = build(config)
     judge.start()
     learn(model, judge.over, config)
-    return processes
+    return 1
 
 
 _LEARNERS = {"ours": _ours, "sb3": _sb3}

@@ -1,65 +1,27 @@
-"""Stable-Baselines3's PPO on a `Pool` of Gymnasium environments, with our hyperparameters where it has them."""
+"""Stable-Baselines3's PPO on Gymnasium's vector environment, with our hyperparameters where it has them."""
 
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 import torch
-from gym_stander import Pool, StanderEnv
 from rsl_rl.utils import resolve_nn_activation
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.vec_env import VecEnv, VecNormalize
+from stable_baselines3.common.vec_env import VecNormalize
 from tensordict import TensorDict
 
 from posture.config.train import TrainConfig
 from posture.evaluation.rollout import Policy
+from posture.gymnasium.stable_baselines3 import StanderVecEnv
 
 
-class PoolVecEnv(VecEnv):
-    """A `Pool` with the interface of SB3."""
-
-    def __init__(self, config: TrainConfig, processes: int) -> None:
-        one = StanderEnv(config.env)
-        super().__init__(config.env.num_envs, one.observation_space, one.action_space)
-        self._pool = Pool(config.env, self.num_envs, processes, config.seed, config.training_steps)
-
-    def reset(self) -> np.ndarray:
-        return self._pool.observation  # called once, when every world has just been reset
-
-    def step_async(self, actions: np.ndarray) -> None:
-        self._actions = actions
-
-    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        seen, gains, ended, timed_out, last = self._pool.step(self._actions)
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
-        for world, observation in last.items():
-            infos[world] = {"terminal_observation": observation, "TimeLimit.truncated": bool(timed_out[world])}
-        return seen, gains, ended | timed_out, infos
-
-    def close(self) -> None:
-        self._pool.close()
-
-    # Abstract methods for single worlds. PPO only reads the render mode.
-
-    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        return [None for _ in self._get_indices(indices)]
-
-    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        raise NotImplementedError
-
-    def env_method(self, method_name: str, *arguments: Any, indices: Any = None, **keys: Any) -> Sequence[Any]:
-        raise NotImplementedError
-
-    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
-        return [False for _ in self._get_indices(indices)]
-
-
-def build(config: TrainConfig, processes: int) -> PPO:
-    """An untrained model that steps its worlds in `processes` processes."""
+def build(config: TrainConfig) -> PPO:
+    """An untrained model."""
     agent, algorithm = config.agent, config.agent.algorithm
+    keys = config.env.model_dump()
+    training_steps = config.training_steps if config.env.schedules else None
     envs = VecNormalize(
-        PoolVecEnv(config, processes),
+        StanderVecEnv(keys.pop("num_envs"), training_steps=training_steps, **keys),
         norm_obs=agent.actor.obs_normalization,
         norm_reward=False,
         clip_obs=np.inf,

@@ -3,9 +3,11 @@
 import contextlib
 import os
 import signal
+import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from typing import IO
 
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM) if sys.platform == "win32" else (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """Signals that ask a process to stop. SIGHUP: its terminal was closed or its connection dropped."""
@@ -52,3 +54,23 @@ def lower_priority(steps: int) -> None:
     """Lower this process's priority by `steps` of niceness; no effect on Windows."""
     if sys.platform != "win32":
         os.nice(steps)
+
+
+def start_in_background(
+    line: Sequence[str], messages: IO[bytes], environment: Mapping[str, str]
+) -> "subprocess.Popen[bytes]":
+    """Start a command of the lowest priority without input and output, except for its errors, which go to `messages`.
+
+    Ctrl-C on the terminal does not reach it.
+    """
+    nowhere = subprocess.DEVNULL
+    if sys.platform == "win32":
+        flags = subprocess.IDLE_PRIORITY_CLASS | subprocess.CREATE_NEW_PROCESS_GROUP
+        return subprocess.Popen(
+            line, stdin=nowhere, stdout=nowhere, stderr=messages, env=dict(environment), creationflags=flags
+        )
+    # Not in a session of its own: Linux compares priorities within a session only (sched_autogroup).
+    process = subprocess.Popen(line, stdin=nowhere, stdout=nowhere, stderr=messages, env=dict(environment), process_group=0)
+    with contextlib.suppress(ProcessLookupError):
+        os.setpriority(os.PRIO_PROCESS, process.pid, 19)
+    return process

@@ -16,6 +16,7 @@ from posture.cli import entry
 from posture.config.eval import EvalConfig
 from posture.config.export import ExportConfig
 from posture.config.film import FilmConfig
+from posture.config.import_checkpoint import ImportConfig
 from posture.config.play import PlayConfig
 from posture.config.reproduce import ReproduceConfig
 from posture.config.theory import TheoryConfig
@@ -25,10 +26,12 @@ from posture.export.__main__ import check as check_export
 from posture.export.__main__ import export
 from posture.film.__main__ import check as check_film
 from posture.film.__main__ import film
+from posture.import_checkpoint import import_checkpoint
 from posture.play.__main__ import check as check_play
 from posture.play.__main__ import play
 from posture.reproduce.__main__ import reproduce
 from posture.theory.__main__ import theory
+from posture.train import check as check_train
 from posture.train import train
 
 EVALUATION = ["evaluation.duration=1.0", "evaluation.transient=0.1", "evaluation.freq=[0.5,1.5]"]
@@ -52,7 +55,8 @@ TINY_THEORY = [
 CONSTANT = ["env.reward.stay_weight=1.5", "env.reward.target_weight=1.5", "env.reward.ended=-9", "agent.std_floor=null"]
 """Schedules last as long as the training that began them; without them trainings of different lengths can be compared."""
 ENTRIES = {
-    "train": (TrainConfig, train),
+    "train": (TrainConfig, train, check_train),
+    "import_checkpoint": (ImportConfig, import_checkpoint),
     "eval": (EvalConfig, evaluate_all),
     "theory": (TheoryConfig, theory),
     "reproduce": (ReproduceConfig, reproduce),

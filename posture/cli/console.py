@@ -8,6 +8,7 @@ from posture.cli import output, signals
 
 COMMANDS = {
     "train": "train a policy, then evaluate it",
+    "import_checkpoint": "a run folder from a checkpoint of rsl-rl's own runner",
     "eval": "evaluate a policy: indices, tables, figures",
     "theory": "the torque-optimal stander beside the paper's experiments",
     "reproduce": "train and evaluate every experiment of the paper, and report",
@@ -15,6 +16,8 @@ COMMANDS = {
     "film": "films of a policy, MP4 and GIF",
     "export": "a policy's trajectories for OpenSim and CSV, and itself as ONNX",
 }
+IN_ONE_FILE = ("train", "import_checkpoint", "eval")
+"""Commands that are modules; the others are packages with a __main__."""
 USAGE = "usage: posture COMMAND [KEY=VALUE ...]     settings of a command: posture COMMAND --help"
 
 
@@ -23,7 +26,7 @@ def main() -> None:
     output.install()
     name = sys.argv[1] if len(sys.argv) > 1 else "--help"
     if name in ("--help", "-h"):
-        print(USAGE, *(f"  {command:<10} {about}" for command, about in COMMANDS.items()), sep="\n")
+        print(USAGE, *(f"  {command:<18} {about}" for command, about in COMMANDS.items()), sep="\n")
     elif name == "--version":
         print(importlib.metadata.version("posture"))
     elif name not in COMMANDS:
@@ -33,4 +36,4 @@ def main() -> None:
         del sys.argv[1]
         sys.argv[0] = f"posture {name}"
         with signals.handled():  # Ctrl-C must work during the import, too
-            importlib.import_module(f"posture.{name}" if name in ("train", "eval") else f"posture.{name}.__main__").main()
+            importlib.import_module(f"posture.{name}" if name in IN_ONE_FILE else f"posture.{name}.__main__").main()

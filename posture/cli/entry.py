@@ -11,7 +11,7 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
@@ -40,15 +40,15 @@ _BAD_INPUT = (ConfigError, HydraException, OmegaConfBaseException)
 def run(
     name: str,
     kind: type[Config],
-    task: Callable[[Config, Path], None],
+    task: Callable[[Config, Path], Any],
     check: Callable[[Sequence[Config], bool], None] | None = None,
 ) -> None:
     """Run a command: `task(config, folder)` for each job of the command line, `folder` being the job's own.
 
     The configuration is conf/`name`.yaml with the command line's overrides, checked as `kind`. `check(configs, in_sweep)`
-    is called once, before the first job: it raises ConfigError where a job could not run here. Exits with 2 on bad input,
-    with 1 if a job failed at run time, and with 128 + its number if a signal stopped it. Output that fails never ends the
-    work.
+    is called once, before the first job: it raises ConfigError where a job could not run here. What `task` returns is for
+    the sweeper of a search. Exits with 2 on bad input, with 1 if a job failed at run time, and with 128 + its number if a
+    signal stopped it. Output that fails never ends the work.
     """
     output.install()
     # Hydra would otherwise print a task's errors itself and exit with 1.
@@ -74,11 +74,13 @@ def run(
                     with run_dir.removed_if_empty(*(job.folder for job in command.jobs)):
                         _start(command, lambda composed: _run_single(kind, task, composed))
                     return
-                progress = sweep.SweepProgress(command.jobs)
+                progress = sweep.SweepProgress([] if command.search else command.jobs)
                 _run_sweep(command, kind, task, progress)
         except _BAD_INPUT as error:
             _refuse(error)
-    if not sweep.print_summary(command.jobs, progress.done_before):
+    if not sweep.print_summary(
+        sweep.trials(command.jobs[0].folder.parent) if command.search else command.jobs, progress.done_before
+    ):
         sys.exit(1)
 
 
@@ -126,7 +128,7 @@ def one_line(error: Exception) -> str:
     return " ".join(text.removeprefix("ConfigError raised while resolving interpolation: ").split())
 
 
-def _run_single(kind: type[Config], task: Callable[[Config, Path], None], composed: DictConfig) -> None:
+def _run_single(kind: type[Config], task: Callable[[Config, Path], Any], composed: DictConfig) -> None:
     folder = Path(HydraConfig.get().runtime.output_dir)
     try:
         with locked(folder) if has_folder() else contextlib.nullcontext():
@@ -139,22 +141,27 @@ def _run_single(kind: type[Config], task: Callable[[Config, Path], None], compos
 
 
 def _run_sweep(
-    command: jobs.Command, kind: type[Config], task: Callable[[Config, Path], None], progress: sweep.SweepProgress
+    command: jobs.Command, kind: type[Config], task: Callable[[Config, Path], Any], progress: sweep.SweepProgress
 ) -> None:
     """Run all jobs. The basic launcher announces each of them; others, which run several at once, report at intervals."""
     parallel = command.launcher != "basic"
-    numbers = {} if parallel else {os.path.abspath(job.folder): number for number, job in enumerate(command.jobs, 1)}
+    numbers = (
+        {}
+        if parallel or command.search
+        else {os.path.abspath(job.folder): number for number, job in enumerate(command.jobs, 1)}
+    )
 
-    def run_job(composed: DictConfig) -> None:
+    def run_job(composed: DictConfig) -> Any:
         output.install()  # a launcher may run jobs in processes of its own
         folder = Path(HydraConfig.get().runtime.output_dir)
         if str(folder) in numbers:
             print(f"== job {numbers[str(folder)]} of {len(numbers)}, {folder.name}", flush=True)
-        sweep.run_job(lambda: task(read(kind, jobs.plain(composed)), folder), folder, to_log=parallel)
+        result = sweep.run_job(lambda: task(read(kind, jobs.plain(composed)), folder), folder, to_log=parallel)
         if numbers:
             print(f"sweep: {progress.line()}", flush=True)
+        return result
 
-    with sweep.report_periodically(progress, "sweep") if parallel else contextlib.nullcontext():
+    with sweep.report_periodically(progress, "sweep") if parallel and not command.search else contextlib.nullcontext():
         try:
             _start(command, run_job)
         except _BAD_INPUT:
@@ -179,18 +186,18 @@ def _check_processes(name: str, command: jobs.Command) -> None:
         )
 
 
-def _start(command: jobs.Command, job: Callable[[DictConfig], None]) -> None:
+def _start(command: jobs.Command, job: Callable[[DictConfig], Any]) -> None:
     """Let Hydra run the jobs. Raises ConfigError for an error of Hydra or of a launcher before the first of them."""
     began = False
     # Errors that may be those of a job in another process.
     elsewhere = (OSError, RuntimeError) if command.launcher not in (None, "basic") else ()
 
-    def run_here(composed: DictConfig) -> None:
+    def run_here(composed: DictConfig) -> Any:
         nonlocal began
         began = True
         # Paths are relative to the directory in which the command was started, with hydra.job.chdir, too.
         os.chdir(HydraConfig.get().runtime.cwd)
-        job(composed)
+        return job(composed)
 
     try:
         hydra.main(version_base="1.3", config_path=str(CONF), config_name=command.config_name)(run_here)()

@@ -12,7 +12,7 @@ import json
 import math
 import os
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
@@ -20,8 +20,8 @@ from typing import Any, NoReturn, TypeVar
 import hydra
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override, Quote, QuotedString
-from hydra.errors import HydraException
+from hydra.core.override_parser.types import IntervalSweep, Override, Quote, QuotedString
+from hydra.errors import HydraException, MissingConfigException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -37,8 +37,6 @@ from posture.storage import provenance, run_dir
 
 Config = TypeVar("Config", bound=BaseModel)
 
-DECIDES_THE_POLICY = {"env", "agent", "seed", "processes", "max_iterations"}
-"""Keys of a training on which its policy depends."""
 MAX_DIFFERENCES = 8
 """Differences between two trainings that an error names."""
 MAX_JOBS = 10_000
@@ -66,13 +64,15 @@ class Command:
     """A checked command line.
 
     argv: the arguments for Hydra. config_name: the primary configuration. jobs: empty where only information is shown, as by
-    --help. launcher: the Hydra launcher of a sweep; None if this is not a sweep.
+    --help. launcher: the Hydra launcher of a sweep; None if this is not a sweep. search: the jobs are examples, those of the
+    sweep follow from the results of earlier ones.
     """
 
     argv: list[str]
     config_name: str
     jobs: list[Job]
     launcher: str | None
+    search: bool = False
 
 
 class _FlagParser(argparse.ArgumentParser):
@@ -117,7 +117,7 @@ def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
         if flags.config_dir is not None:
             if not Path(flags.config_dir).is_dir():
                 raise ConfigError(f"--config-dir: no such folder: {flags.config_dir}")
-            overrides.append(f"hydra.searchpath=[{_quoted(f'file://{Path(flags.config_dir).absolute()}')}]")
+            overrides.append(f"hydra.searchpath=[{quoted(f'file://{Path(flags.config_dir).absolute()}')}]")
         with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
             parser = OverridesParser.create(GlobalHydra.instance().config_loader())
             parsed = parser.parse_overrides(overrides)
@@ -133,7 +133,7 @@ def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
             if folder:  # without one, an evaluation may be started in a folder that is read-only
                 _check_writable(config, Path(folder))
                 # Fixed here, because the name of a new folder depends on the time.
-                overrides.append(f"hydra.run.dir={_quoted(folder)}")
+                overrides.append(f"hydra.run.dir={quoted(folder)}")
             if isinstance(config, TrainConfig):
                 _check_run(config, Path(folder))
             return Command(overrides, name, [Job(config, Path(folder))], None)
@@ -142,35 +142,45 @@ def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
 def _check_sweep(
     name: str, kind: type[BaseModel], overrides: list[str], parsed: list[Override], common: DictConfig
 ) -> Command:
-    """Check every job of a sweep. `common`: composed from those of the `parsed` overrides that are not swept."""
-    if common.hydra.runtime.choices["hydra/sweeper"] != "basic":
-        raise ConfigError("hydra/sweeper: allowed is basic, Hydra's own")
+    """Check every job of a sweep. `common`: composed from those of the `parsed` overrides that are not swept.
+
+    Of a search with Optuna, whose jobs follow from the results of earlier ones, those at the ends of each range are checked.
+    """
+    sweeper = common.hydra.runtime.choices["hydra/sweeper"]
+    if sweeper not in ("basic", "optuna"):
+        raise ConfigError("hydra/sweeper: allowed are basic, Hydra's own, and optuna")
+    if sweeper == "optuna" and name != "train":
+        raise ConfigError("hydra/sweeper=optuna: allowed is a search among trainings, posture.train")
     swept = {str(key): str(value) for key, value in (common.hydra.sweeper.get("params") or {}).items()}
     if any(override.key_or_group == "out" and override.is_sweep_override() for override in parsed):
         raise ConfigError("out: allowed is one folder; each job of a sweep gets its own in it")
     extra = []
     if not any(override.key_or_group == "hydra.sweep.dir" for override in parsed):
         # Fixed here: a launcher that starts processes would compute a new name in each.
-        extra.append(f"hydra.sweep.dir={_quoted(common.hydra.sweep.dir)}")
+        extra.append(f"hydra.sweep.dir={quoted(common.hydra.sweep.dir)}")
     # A job's folder is named after what is swept, not after what all jobs share.
     named = {*swept, *(o.key_or_group for o in parsed if o.is_sweep_override())}
     shared = [o.key_or_group for o in parsed if o.key_or_group not in named]
-    extra.append(f"hydra.job.config.override_dirname.exclude_keys=[{','.join(map(_quoted, shared))}]")
+    extra.append(f"hydra.job.config.override_dirname.exclude_keys=[{','.join(map(quoted, shared))}]")
     parser = OverridesParser.create(GlobalHydra.instance().config_loader())
     every = parser.parse_overrides([*(f"{key}={value}" for key, value in swept.items()), *overrides, *extra])
     jobs = []
-    for number, own in enumerate(_combinations(every)):
+    for number, own in enumerate(_combinations(every) if sweeper == "basic" else _ends(every)):
         composed = _compose(name, [*own, f"hydra.job.num={number}"])
         config = _checked(kind, composed)
         if getattr(config, "resume", None) is not None:
             raise ConfigError("resume continues one run: not together with -m")
+        if sweeper == "optuna" and not getattr(config, "evaluate", True):
+            raise ConfigError("evaluate=false: a search compares evaluations")
         jobs.append(Job(config, Path(composed.hydra.sweep.dir) / composed.hydra.sweep.subdir))
-    _check_folders(jobs, Path(common.hydra.sweep.dir))
+    if sweeper == "basic":
+        _check_folders(jobs, Path(common.hydra.sweep.dir))
     _check_effect([job.config for job in jobs], parsed)
     for job in jobs:
-        if isinstance(job.config, TrainConfig):
+        if isinstance(job.config, TrainConfig) and sweeper == "basic":
             refuse_other_training(job.config, job.folder)
-    return Command(["--multirun", *overrides, *extra], name, jobs, str(common.hydra.runtime.choices["hydra/launcher"]))
+    launcher = str(common.hydra.runtime.choices["hydra/launcher"])
+    return Command(["--multirun", *overrides, *extra], name, jobs, launcher, sweeper == "optuna")
 
 
 def _combinations(overrides: Sequence[Override]) -> list[tuple[str, ...]]:
@@ -190,10 +200,41 @@ def _combinations(overrides: Sequence[Override]) -> list[tuple[str, ...]]:
     return list(itertools.product(*values.values()))
 
 
-def compose(name: str, kind: type[Config], *overrides: str) -> Config:
-    """The checked configuration conf/`name`.yaml with `overrides`, for use outside a command."""
-    with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
-        return read(kind, plain(hydra.compose(name, list(overrides))))
+def _ends(overrides: Sequence[Override]) -> list[tuple[str, ...]]:
+    """Overrides with each swept key at either end of its range or at each of its choices, and the others at their first."""
+    values: dict[str, list[str]] = {}
+    for override in overrides:
+        key, value = override.get_key_element(), override.value()
+        if not override.is_sweep_override():
+            values[key] = [f"{key}={override.get_value_element_as_str()}"]
+        elif isinstance(value, IntervalSweep):
+            values[key] = [f"{key}={value.start}", f"{key}={value.end}"]
+        else:
+            every = list(itertools.islice(override.sweep_string_iterator(), MAX_JOBS))
+            ends = every if override.is_choice_sweep() else [every[0], every[-1]]
+            values[key] = [f"{key}={end}" for end in ends]
+    first = {key: own[0] for key, own in values.items()}
+    return [tuple((first | {key: end}).values()) for key, own in values.items() for end in own[len(own) > 1 :]] or [
+        tuple(first.values())
+    ]
+
+
+def compose(name: str, kind: type[Config], *overrides: str, values: Mapping[str, Any] | None = None) -> Config:
+    """The checked configuration conf/`name`.yaml with `overrides`, then with `values`, for use outside a command, also in a
+    program that itself runs under Hydra."""
+    running = GlobalHydra.instance().hydra
+    GlobalHydra.instance().clear()
+    try:
+        with hydra.initialize_config_dir(str(CONF), version_base="1.3"):
+            return read(kind, _merged(plain(hydra.compose(name, list(overrides))), values or {}))
+    finally:
+        GlobalHydra.instance().hydra = running
+
+
+def _merged(values: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """`values` with `changes`, group by group."""
+    groups = {key for key in changes if isinstance(changes[key], Mapping) and isinstance(values.get(key), Mapping)}
+    return {**values, **changes, **{key: _merged(values[key], changes[key]) for key in groups}}
 
 
 def plain(composed: DictConfig) -> dict[str, Any]:
@@ -259,20 +300,21 @@ def override_slug(overrides: str) -> str:
 
 def identity(config: TrainConfig) -> str:
     """Eight hexadecimal digits that identify a training: its configuration, its code and the libraries."""
-    own = config.model_dump(mode="json", include=DECIDES_THE_POLICY)
-    text = json.dumps([own, provenance.training_code(), provenance.library_versions()], sort_keys=True)
+    text = json.dumps(
+        [_decides_the_policy(config), provenance.training_code(), provenance.library_versions()], sort_keys=True
+    )
     return hashlib.sha256(text.encode()).hexdigest()[:8]
 
 
 def refuse_other_training(config: TrainConfig, folder: Path) -> None:
     """Raise ConfigError if `folder` holds a checkpoint of a training other than `config` with this code and these libraries.
 
-    Equal trainings may differ in device, threads, evaluate and evaluation.*, which do not decide the policy.
+    Equal trainings may differ in the keys that do not decide the policy, see `_decides_the_policy`.
     """
     if run_dir.newest_model(folder) is None and not (folder / "resume.pt").exists():
         return
-    saved, own = (one.model_dump(mode="json", include=DECIDES_THE_POLICY) for one in (run_dir.read_config(folder), config))
-    if different := _differences(saved, own) + provenance.other_code(folder):
+    saved, own = (_decides_the_policy(one) for one in (run_dir.read_config(folder), config))
+    if different := differences(saved, own) + provenance.other_code(folder):
         more = [f"and {len(different) - MAX_DIFFERENCES} more"] * (len(different) > MAX_DIFFERENCES)
         raise ConfigError(
             f"{folder}: holds another training ({'; '.join(different[:MAX_DIFFERENCES] + more)}); resume={folder} continues "
@@ -284,11 +326,23 @@ def refuse_other_training(config: TrainConfig, folder: Path) -> None:
         )
 
 
-def _differences(saved: Any, own: Any, key: str = "") -> list[str]:
+def _decides_the_policy(config: TrainConfig) -> dict[str, Any]:
+    """The part of a training's configuration on which its policy depends."""
+    keys = {"env", "agent", "seed", "processes", "max_iterations"}
+    if config.init is not None:
+        keys.add("init")
+    if config.patience is not None:  # evaluations decide how long it lasts
+        keys |= {"patience", "evaluate_every", "evaluation"}
+    values = config.model_dump(mode="json", include=keys)
+    values["agent"].pop("logger")
+    return values
+
+
+def differences(saved: Any, own: Any, key: str = "") -> list[str]:
     """`key = saved, not own` for each value that differs."""
     if isinstance(saved, dict) and isinstance(own, dict):
         pairs = [(f"{key}.{name}".lstrip("."), saved.get(name), own.get(name)) for name in {**saved, **own}]
-        return [line for name, before, now in pairs for line in _differences(before, now, name)]
+        return [line for name, before, now in pairs for line in differences(before, now, name)]
     return [] if saved == own else [f"{key} = {_brief(saved)}, not {_brief(own)}"]
 
 
@@ -363,6 +417,12 @@ def _errors_are_bad_input() -> Iterator[None]:
     """Turn every error into ConfigError: Hydra raises Python's own exceptions for some bad input."""
     try:
         yield
+    except MissingConfigException as error:
+        if error.missing_cfg_file != "hydra/sweeper/optuna":
+            raise
+        raise ConfigError(
+            "a search needs the package hydra-optuna-sweeper: python -m pip install -c constraints.txt -e '.[search]'"
+        ) from None
     except (ConfigError, HydraException, OmegaConfBaseException):
         raise
     except Exception as error:
@@ -379,5 +439,6 @@ def _checked(kind: type[BaseModel], composed: DictConfig) -> BaseModel:
     return config
 
 
-def _quoted(text: object) -> str:
+def quoted(text: object) -> str:
+    """A text as the value of an override of Hydra's."""
     return QuotedString(str(text), Quote.single).with_quotes()

@@ -25,8 +25,8 @@ REPORT_EVERY_S = 30.0
 """Seconds between two progress lines of a sweep whose jobs print to files."""
 
 
-def run_job(task: Callable[[], None], folder: Path, to_log: bool) -> None:
-    """Run `task` as the job in `folder`. Its failure is recorded there and does not stop other jobs.
+def run_job(task: Callable[[], Any], folder: Path, to_log: bool) -> Any:
+    """Run `task` as the job in `folder`, and return its result. Its failure is recorded there and does not stop other jobs.
 
     A job that another process is running is skipped. `to_log`: redirect its output to log.txt.
     """
@@ -35,7 +35,7 @@ def run_job(task: Callable[[], None], folder: Path, to_log: bool) -> None:
             stack.enter_context(locked(folder))
         except ConfigError as busy:
             print(f"skipped: {busy}", flush=True)
-            return
+            return None
         began = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
         if status(folder).get("state") != "done":  # a finished job stays done if this start is interrupted
             yaml_files.write_yaml(folder / "status.yaml", {"state": "running", "began": began})
@@ -44,9 +44,9 @@ def run_job(task: Callable[[], None], folder: Path, to_log: bool) -> None:
             log = stack.enter_context(output.log_file(folder / "log.txt"))
             stack.enter_context(contextlib.redirect_stdout(log))
             stack.enter_context(contextlib.redirect_stderr(log))
-        outcome = {"state": "done", "began": began}
+        outcome, result = {"state": "done", "began": began}, None
         try:
-            task()
+            result = task()
         except Exception as error:
             reason = " ".join(str(error).split())
             if not isinstance(error, ConfigError):
@@ -55,6 +55,12 @@ def run_job(task: Callable[[], None], folder: Path, to_log: bool) -> None:
             print(f"failed: {reason}", flush=True)
             outcome |= {"state": "failed", "error": reason}
         yaml_files.write_yaml(folder / "status.yaml", outcome)
+        return result
+
+
+def trials(folder: Path) -> list[Job]:
+    """The jobs of a search in the folder of its sweep."""
+    return [Job(run_dir.read_config(run), run) for run in run_dir.runs_in(folder)] if folder.is_dir() else []
 
 
 class SweepProgress:

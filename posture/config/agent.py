@@ -88,6 +88,7 @@ class StdFloorConfig(Strict):
 class AgentConfig(Strict):
     """Configuration of rsl-rl's OnPolicyRunner."""
 
+    logger: Literal["tensorboard", "wandb", "none"]
     num_steps_per_env: Annotated[int, Field(ge=1, le=100_000)]
     save_interval: Steps
     obs_groups: ObsGroups

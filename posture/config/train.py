@@ -22,7 +22,11 @@ class TrainConfig(CommandConfig):
     threads: Annotated[int, Field(ge=1, le=1024)]
     max_iterations: Steps
     resume: PathText | None
+    init: PathText | None
     evaluate: bool
+    evaluate_every: Steps | None
+    film_every: Steps | None
+    patience: Annotated[int, Field(ge=1, le=1_000_000)] | None
 
     @property
     def training_steps(self) -> int:
@@ -41,6 +45,8 @@ class TrainConfig(CommandConfig):
             unused["agent.algorithm.desired_kl"] = "with agent.algorithm.schedule=fixed"
         if self.env.reward.tolerance_weight == 0:
             unused["env.reward.tolerance"] = "with env.reward.tolerance_weight=0"
+        if self.evaluate_every is None and self.resume is None:  # a run that is resumed may have it
+            unused["patience"] = "without evaluate_every"
         if self.device != "cpu" and self.processes > 1:
             unused["processes"] = f"with device={self.device}"
         return unused
@@ -49,6 +55,17 @@ class TrainConfig(CommandConfig):
     def _consistent(self) -> "TrainConfig":
         check_trial(self.evaluation, self.env)
         check_engine(self.env.physics, self.device)
+        for name in ("evaluate_every", "film_every"):
+            every, saved = getattr(self, name), self.agent.save_interval
+            if every is not None and every % saved and self.resume is None:  # a run that is resumed has its own
+                raise ValueError(f"{name} = {every}: allowed is a multiple of agent.save_interval, {saved}")
+        if self.evaluate_every is not None and (
+            self.env.ramp is not None or self.evaluation.tolerance >= self.env.amplitude
+        ):
+            raise ValueError(
+                "evaluate_every: policies are compared by their cost over the least cost, which there is only at constant "
+                "frequencies and with evaluation.tolerance below env.amplitude"
+            )
         known = set(self.env.observations)
         for network, groups in (("actor", self.agent.obs_groups.actor), ("critic", self.agent.obs_groups.critic)):
             missing = sorted(set(groups) - known)

@@ -1,6 +1,7 @@
 """A deterministic policy in the environment, recorded as a `Trajectory`."""
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import torch
@@ -34,7 +35,7 @@ def rollout(env: HeadTrackingEnv, policy: Policy, freq: torch.Tensor | None, dur
         followed = torch.full_like(followed, torch.nan)
     fall_step = torch.full((env.num_envs,), -1, dtype=torch.long, device=env.sim.device)
     records: dict[str, list[torch.Tensor]] = {name: [] for name in _SIGNALS}
-    with torch.inference_mode():
+    with torch.inference_mode(), one_thread():
         for step in range(steps):
             observation, _, done, extras = env.step(policy(observation))
             fell = done & ~extras["time_outs"] & (fall_step < 0)
@@ -60,6 +61,18 @@ def rollout(env: HeadTrackingEnv, policy: Policy, freq: torch.Tensor | None, dur
         control_dt=env.config.control_dt,
         **arrays,
     )
+
+
+@contextlib.contextmanager
+def one_thread() -> Iterator[None]:
+    """In this context torch uses one thread: the few worlds of a trial gain nothing from more, and on a busy machine threads
+    spend most of their time waiting for each other."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _cop_x(env: HeadTrackingEnv) -> torch.Tensor:

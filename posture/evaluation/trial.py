@@ -3,7 +3,7 @@
 import contextlib
 import hashlib
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -41,6 +41,24 @@ AS_TRAINED = EnvChanges(hip_k=None, ankle_k=None, load=None, amplitude=None, phy
 RESULTS = ("trajectories.npz", "metrics.csv")
 """Files that are read again; trial.yaml has their digests."""
 FILES = (*RESULTS, "table.md", "trial.yaml")
+
+
+def evaluate_at(
+    freq: Sequence[float], ckpt: str = "pretrained", duration: float | None = None, **changes: float
+) -> tuple[list[Result], Trajectory]:
+    """Evaluate one policy at the frequencies `freq` [Hz], in one batch, for use in a program: nothing is written or printed.
+
+    `ckpt` is what `posture.eval` accepts, `duration` [s] that of the run's own evaluation if None, and `changes` those of
+    `EnvChanges`, such as hip_k=60 [Nm/rad] or load=4 [kg]. Returns a result for each frequency and the roll-out, whose world
+    i is that of `freq`[i]. Raises ConfigError where an argument is not allowed.
+    """
+    model = run_dir.find_checkpoint(ckpt)
+    run = run_dir.read_config(model.parent)
+    wanted = {"freq": tuple(freq), "duration": run.evaluation.duration if duration is None else duration}
+    evaluation = read(EvaluationConfig, run.evaluation.model_dump() | wanted)
+    as_asked = read(EnvChanges, AS_TRAINED.model_dump() | {"ramp": "none"} | changes)
+    env, policy = open_trial(model, run, trial_config(run.env, evaluation, as_asked, "cpu"), "cpu")
+    return measure_policy(env, policy, evaluation)
 
 
 def evaluate_run(run: Path, config: TrainConfig) -> list[Result]:
@@ -122,10 +140,7 @@ def evaluate_policy(
     Writes into the folder `out`: trajectories.npz, metrics.csv, table.md, the figures, and trial.yaml with the conditions
     and `record`, which identifies the policy. Prints the table and the paths.
     """
-    # The target of a ramp is the environment's own.
-    freq = torch.tensor(evaluation.freq, dtype=torch.float64) if env.config.ramp is None else None
-    trajectory = rollout(env, policy, freq, evaluation.duration)
-    rows = with_theory(_measure(trajectory, env.config, evaluation), env.config, evaluation)
+    rows, trajectory = measure_policy(env, policy, evaluation)
     published = comparable_table_3(env.config)
     columns = evaluation_columns(rows, published)
 
@@ -142,6 +157,14 @@ def evaluate_policy(
     for path in (*(out / name for name in FILES), *drawn):
         print(path)
     return rows
+
+
+def measure_policy(env: HeadTrackingEnv, policy: Policy, evaluation: EvaluationConfig) -> tuple[list[Result], Trajectory]:
+    """Roll out `policy` at every frequency of `evaluation`; a result for each, with the theory, and the roll-out."""
+    # The target of a ramp is the environment's own.
+    freq = torch.tensor(evaluation.freq, dtype=torch.float64) if env.config.ramp is None else None
+    trajectory = rollout(env, policy, freq, evaluation.duration)
+    return with_theory(_measure(trajectory, env.config, evaluation), env.config, evaluation), trajectory
 
 
 def _measure(trajectory: Trajectory, env: EnvConfig, evaluation: EvaluationConfig) -> list[Result]:

@@ -13,14 +13,14 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle
 from matplotlib.text import Text
 
 from posture.analysis.coordination import mode
 from posture.analysis.ramp import ramp_transition
 from posture.analysis.trajectory import Array
-from posture.drawing.silhouette import DOT_RADIUS, draw_body, draw_ground, draw_phases, draw_target, head_position
+from posture.drawing.silhouette import draw_phases
 from posture.drawing.style import ANKLE_COLOUR, BLUE, FALL_COLOUR, GREY, HIP_COLOUR, MODE_COLOUR, RED, styled
+from posture.drawing.view import StanderView
 from posture.film.sampling import SampledTrial
 from posture.film.video import Frame
 
@@ -29,10 +29,7 @@ HEIGHT_TWO_MODES, HEIGHT_RAMP = 4.5, 6.0  # of the films at that width [in]
 LARGE, MEDIUM, SMALL = 16, 13, 11  # text sizes [pt]
 PHASES = np.linspace(0.0, 1.0, 5)  # of a cycle, at which bodies are drawn side by side
 SPACING = 0.52  # between these bodies [m]
-X_RANGE = (-0.33, 0.43)  # shown around the moving body [m]
 MARK_HEIGHT = -0.1  # of the mark under these bodies [m]
-MARGIN = 0.07  # shown below the ground and above the target [m]
-HEAD_DOT = 1.2 * DOT_RADIUS  # [m]
 CURSOR = {"color": "black", "lw": 1.0, "alpha": 0.6}
 
 
@@ -79,32 +76,6 @@ class Film(Sequence[Frame]):
         return np.array(self.canvas.buffer_rgba())[..., :3].copy()
 
 
-class StanderView:
-    """The stander from the side, with its target and a dot at the centre of its head."""
-
-    def __init__(self, ax: Axes, motion: SampledTrial, target_height: float, reach: float) -> None:
-        """`target_height` [m]; the target moves between 0 and `reach` [m]."""
-        self.motion, self.target_height = motion, target_height
-        ax.set(xlim=X_RANGE, ylim=(-MARGIN, target_height + MARGIN))
-        ax.set_axis_off()
-        draw_ground(ax, *X_RANGE)
-        ax.plot([0, reach], 2 * [target_height], color=GREY, lw=1.5, alpha=0.6, zorder=1)
-        self.body = draw_body(ax, 0.0, 0.0)
-        self.line, self.ball = draw_target(ax, 0.0, target_height)
-        self.head = ax.add_patch(Circle((0.0, 0.0), HEAD_DOT, fc="black", ec="white", lw=0.7, zorder=3))
-        self.moving = [*self.body.layers, *self.body.joints, self.line, self.ball, self.head]
-
-    def show(self, i: int) -> None:
-        """Move to frame `i`."""
-        motion = self.motion
-        hip, ankle, foot = float(motion.hip[i]), float(motion.ankle[i]), float(motion.foot_x[i])
-        head, target, height = float(motion.head_x[i]), float(motion.target_x[i]), head_position(hip, ankle, foot)[1]
-        self.body.move(hip, ankle, foot)
-        self.head.center = head, height
-        self.ball.center = target, self.target_height
-        self.line.set_data([target, target], [height, self.target_height])
-
-
 class TwoModesFilm(Film):
     """Standers at different frequencies side by side: each moving, beside five moments of a cycle (paper Fig. 2) and its
     hip and ankle angles over that cycle."""
@@ -133,7 +104,7 @@ class TwoModesFilm(Film):
             fig.add_artist(Line2D([left, left], [0.04, 0.96], color=GREY, lw=0.8, alpha=0.5))
         fig.text(left + 0.05 * share, 0.925, f"{freq:g} Hz", fontsize=LARGE, fontweight="bold")
         title = fig.text(left + 0.05 * share, 0.855, "", fontsize=LARGE, fontweight="bold")
-        view = StanderView(axes(0.01, 0.01, 0.38, 0.82), motion, target_height, reach)
+        view = StanderView(axes(0.01, 0.01, 0.38, 0.82), target_height, reach)
         bodies, angles = axes(0.39, 0.42, 0.60, 0.41), axes(0.54, 0.12, 0.37, 0.24)
         at = np.round(PHASES * (len(cycle.time) - 1)).astype(int)
         places = draw_phases(
@@ -153,7 +124,7 @@ class TwoModesFilm(Film):
 
     def show(self, i: int) -> None:
         for motion, view, title, line, (mark, hip, ankle) in self.panels:
-            view.show(i)
+            view.show(*motion.pose(i))
             _show_mode(title, motion, i)
             place = self._length * (float(motion.time[i] * motion.freq[i]) % 1.0)
             line.set_xdata([place, place])
@@ -177,7 +148,7 @@ class RampFilm(Film):
         self._motion, self._trailing, self._trace, self._half = motion, trailing, trace, window / 2
         with styled():
             fig = self.figure
-            self.view = StanderView(fig.add_axes((0.02, 0.37, 0.26, 0.61)), motion, target_height, reach)
+            self.view = StanderView(fig.add_axes((0.02, 0.37, 0.26, 0.61)), target_height, reach)
             self._freq = fig.text(0.34, 0.92, "", fontsize=LARGE, fontweight="bold")
             self._clock = fig.text(0.02, 0.93, "", fontsize=MEDIUM)
             self._mode = fig.text(0.97, 0.92, "", fontsize=LARGE, fontweight="bold", ha="right")
@@ -219,7 +190,7 @@ class RampFilm(Film):
 
     def show(self, i: int) -> None:
         motion, now = self._motion, float(self._motion.time[i])
-        self.view.show(i)
+        self.view.show(*motion.pose(i))
         self._freq.set_text(f"{motion.freq[i]:.2f} Hz")
         self._clock.set_text(f"{now:.1f} s")
         _show_mode(self._mode, motion, i)

@@ -29,6 +29,12 @@ class SampledTrial:
     r: Array  # running hip-ankle correlation, nan where undefined
     fall: float  # time of the fall [s], inf if none, negative if before the first frame
 
+    def pose(self, i: int) -> tuple[float, float, float, float, float]:
+        """Hip, ankle [rad], foot, head and target [m] at frame `i`, as `StanderView.show` takes them."""
+        at = (float(signal[i]) for signal in (self.hip, self.ankle, self.foot_x, self.head_x, self.target_x))
+        hip, ankle, foot, head, target = at
+        return hip, ankle, foot, head, target
+
 
 def sample(trajectory: Trajectory, world: int, freq: Array | float, r: Array, start: float, time: Array) -> SampledTrial:
     """World `world` at `time` (F,) [s] of a film that starts `start` [s] into the trial, interpolated linearly.

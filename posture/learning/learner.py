@@ -4,7 +4,7 @@ import contextlib
 import io
 import math
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,10 @@ from posture.learning.logger import TrainingLogger
 from posture.storage import checkpoint
 
 
+class _EndedEarlyError(Exception):
+    """The training ends before its last iteration."""
+
+
 class Learner(OnPolicyRunner):
     """PPO on a `HeadTrackingEnv`. Iterations are counted when they are done: model_10.pt is the policy after ten."""
 
@@ -30,7 +34,6 @@ class Learner(OnPolicyRunner):
 
     def __init__(self, env: HeadTrackingEnv, agent: AgentConfig, folder: Path, device: str) -> None:
         config = agent.model_dump(mode="json", exclude_none=True, exclude={"std_floor"})
-        config["logger"] = "tensorboard"
         self._std_floor, self._highest_floor = agent.std_floor, agent.actor.distribution_cfg.std_range[0]
         config["algorithm"]["class_name"] = "posture.learning.ppo:LeanPPO"
         # rsl-rl would save after iterations 1, 51, ...; `save` is called after each, and keeps 50, 100, ... and the last.
@@ -38,6 +41,7 @@ class Learner(OnPolicyRunner):
         config["check_for_nan"] = False  # LeanPPO checks for infinities too, and on all processes together
         self.folder = folder
         self._save_interval, self._total, self._done = agent.save_interval, 0, 0
+        self._after_checkpoint: Callable[[int, Any], bool] | None = None
         with contextlib.redirect_stdout(io.StringIO()):  # rsl-rl prints its networks
             super().__init__(env, config, log_dir=str(folder), device=device)
         self.logger = TrainingLogger(
@@ -54,23 +58,26 @@ class Learner(OnPolicyRunner):
             self.alg.broadcast_parameters()
             self.is_distributed = False  # else rsl-rl broadcasts again in every `learn`, and prints that it does
 
-    def train(self, total_iterations: int) -> None:
+    def train(self, total_iterations: int, after_checkpoint: Callable[[int, Any], bool] | None = None) -> None:
         """Learn until `total_iterations` iterations are done, those before a resume included.
 
+        `after_checkpoint(iterations done, log writer)` is called in the first process after it has saved a checkpoint; where
+        it returns True the training ends.
         SIGINT or SIGTERM ends the training after the current iteration, saved, and raises signals.Stopped in every process.
         Raises FloatingPointError with the number of the iteration, see `posture.learning.ppo`.
         """
         self._total, self._done = total_iterations, self.current_learning_iteration
+        self._after_checkpoint = after_checkpoint
         self.logger.iterations_done = self._done
         self._set_std_floor()
         try:
-            with signals.deferred():
+            with signals.deferred(), contextlib.suppress(_EndedEarlyError):
                 self.learn(total_iterations - self._done)
         except FloatingPointError as error:
             raise FloatingPointError(f"iteration {self._done + 1}: {error}") from None
         finally:
             self.logger.stop_logging_writer()
-        self.current_learning_iteration = total_iterations  # rsl-rl leaves the index of the last one
+        self.current_learning_iteration = self._done  # rsl-rl leaves the index of the last one
 
     def save(self, path: str, infos: dict[str, Any] | None = None) -> None:
         """Save a checkpoint if one is due; rsl-rl calls this after every iteration.
@@ -82,9 +89,14 @@ class Learner(OnPolicyRunner):
             return  # rsl-rl calls this once more at the end
         self._done = done
         stop = parallel.any_process(bool(signals.pending()), self.device)
-        if stop or done % self._save_interval == 0 or done == self._total:
+        due = done % self._save_interval == 0 or done == self._total
+        if stop or due:
             self._save(done, infos)
         self._set_std_floor()
+        if due and not stop:
+            ends = self._after_checkpoint is not None and self._after_checkpoint(done, self.logger.writer)
+            if parallel.any_process(ends, self.device):
+                raise _EndedEarlyError
         if stop:
             if parallel.rank() == 0:
                 print(f"stopped after iteration {done}: saved in {self.folder}; resume continues from there", flush=True)
@@ -118,6 +130,17 @@ class Learner(OnPolicyRunner):
             self.alg.load(content, load_cfg, strict)
             self.current_learning_iteration = int(content["iter"])
         return content.get("infos")
+
+    def start_from(self, file: Path) -> None:
+        """Take networks and normalisers from a checkpoint of another training, not its optimiser and counters."""
+        content = checkpoint.load(file, self.device)
+        with _must_fit(file):
+            self.alg.load(content, {"actor": True, "critic": True}, strict=True)
+        distribution = self.alg.actor.distribution
+        with torch.no_grad():  # outside its bounds a standard deviation has no gradient
+            for name, bounds in (("log_std_param", distribution.log_std_range), ("std_param", distribution.std_range)):
+                if hasattr(distribution, name):
+                    getattr(distribution, name).clamp_(*bounds)
 
     def resume(self) -> None:
         """Continue from the newest checkpoint of the run's folder exactly as if training had never stopped."""

@@ -1,17 +1,26 @@
-"""rsl-rl's logger with a progress line, and with a state that a resumed training continues."""
+"""rsl-rl's logger with a progress line, and with a state that a resumed training continues.
+
+rsl-rl's own writer for Weights & Biases begins a new run at each start; `WandbWriter` continues the one that was begun.
+"""
 
 import contextlib
 import io
+import os
 import sys
 import threading
+import uuid
 from collections import deque
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import torch
+from PIL import Image
 from rsl_rl.utils.logger import Logger
+from tensorboard.compat.proto.summary_pb2 import Summary
 from torch.utils.tensorboard import SummaryWriter
 
+from posture.config.errors import RunError
 from posture.learning.progress import ProgressLine, Status
 
 _NUMBERS, _TENSORS, _BUFFERS = (
@@ -41,6 +50,19 @@ class Writer:
             with self._given_up():
                 self._writer.add_scalar(tag, *arguments)
 
+    def add_film(self, path: Path, step: int) -> None:
+        """Write a GIF at an iteration; TensorBoard plays it among its images."""
+        if self._writer is not None:
+            with self._given_up(), Image.open(path) as gif:
+                image = Summary.Image(
+                    width=gif.width, height=gif.height, colorspace=3, encoded_image_string=path.read_bytes()
+                )
+                summary = Summary(value=[Summary.Value(tag="film", image=image)])
+                self._writer._get_file_writer().add_summary(summary, step)  # type: ignore[no-untyped-call]
+
+    def flush(self) -> None:
+        """Values are written as they come."""
+
     def close(self) -> None:
         """Write buffered data."""
         if self._writer is not None:
@@ -67,10 +89,71 @@ class Writer:
             self._hook(failed)
 
 
+class WandbWriter(Writer):
+    """A run of Weights & Biases beside TensorBoard's files. WANDB_MODE, WANDB_PROJECT and the like have their usual effect.
+
+    Raises RunError if it cannot be begun. Errors later in the training are left to wandb, which goes on in the background.
+    """
+
+    def __init__(self, folder: str, purge_step: int, run_id: str, config: dict[str, Any]) -> None:
+        import wandb
+
+        try:
+            self._run = wandb.init(
+                project=os.environ.get("WANDB_PROJECT", "posture"),
+                name=Path(folder).name,
+                dir=folder,
+                id=run_id,
+                resume="allow",
+                config=config,
+                settings=wandb.Settings(console="off", silent=True),
+            )
+        except wandb.Error as error:
+            reason = " ".join(str(error).split())
+            raise RunError(f"wandb: {reason}; WANDB_MODE=offline logs into {folder}/wandb") from None
+        # Evaluations and films end after later iterations have been logged, and steps cannot go back.
+        for name in ("Evaluation/*", "film"):
+            self._run.define_metric(name, step_metric="iteration")
+        self._values: dict[str, Any] = {}
+        self._step = 0
+        super().__init__(folder, purge_step)
+
+    def add_scalar(self, tag: str, value: Any, step: int) -> None:
+        """Write a value at an iteration."""
+        super().add_scalar(tag, value, step)
+        if tag.startswith("Evaluation/"):
+            self._run.log({tag: float(value), "iteration": step})
+        elif not tag.endswith("/time"):
+            self._values[tag], self._step = float(value), step
+
+    def add_film(self, path: Path, step: int) -> None:
+        """Write a GIF at an iteration."""
+        import wandb
+
+        super().add_film(path, step)
+        self._run.log({"film": wandb.Video(str(path), format="gif"), "iteration": step})
+
+    def flush(self) -> None:
+        """Send the values of an iteration, together because each call takes time."""
+        self._run.log(self._values, step=self._step)
+        self._values = {}
+
+    def close(self) -> None:
+        """Write buffered data."""
+        super().close()
+        self._run.finish()
+
+
 class NullWriter:
-    """Takes the place of TensorBoard's writer in a process that writes no files."""
+    """Takes the place of TensorBoard's writer in a process that writes no files, and with `agent.logger=none`."""
 
     def add_scalar(self, *_: Any) -> None:
+        """Do nothing."""
+
+    def add_film(self, *_: Any) -> None:
+        """Do nothing."""
+
+    def flush(self) -> None:
         """Do nothing."""
 
     def close(self) -> None:
@@ -88,16 +171,23 @@ class TrainingLogger(Logger):
         self._progress = ProgressLine()
         self._recent_s: deque[float] = deque(maxlen=20)
         self.iterations_done = 0
+        self._wandb_id: str | None = None
         # In single precision the sum over an episode of millions of steps would stop growing.
         self.cur_reward_sum = torch.zeros_like(self.cur_episode_length, dtype=torch.float64)
 
     def init_logging_writer(self) -> None:
         """Open the writer. A process that writes nothing gets one too, since rsl-rl calls `save` only if there is one."""
+        self.writer: Any = NullWriter()
         if self.disable_logs:
-            self.writer: Any = NullWriter()
-        else:
-            # purge_step: what a killed training wrote after its last checkpoint is replaced when it is resumed.
-            self.writer = Writer(self.log_dir, self.iterations_done + 1)
+            return
+        # What a killed training wrote after its last checkpoint is replaced when it is resumed.
+        purge_step = self.iterations_done + 1
+        if self.cfg["logger"] == "tensorboard":
+            self.writer = Writer(self.log_dir, purge_step)
+        elif self.cfg["logger"] == "wandb":
+            self._wandb_id = self._wandb_id or uuid.uuid4().hex[:12]
+            config = {"agent": self.cfg, "env": self.env_cfg}
+            self.writer = WandbWriter(self.log_dir, purge_step, self._wandb_id, config)
 
     def stop_logging_writer(self) -> None:
         """Write buffered data, and end the progress line."""
@@ -111,6 +201,7 @@ class TrainingLogger(Logger):
         error_mm, cost = self._mean("/tracking_error_mm"), self._mean("/cost")  # before rsl-rl clears them
         with contextlib.redirect_stdout(io.StringIO()):
             super().log(it + 1, start_it, total_it, collect_time, learn_time, **rest)
+        self.writer.flush()
         if self.disable_logs:
             return
         seconds = collect_time + learn_time
@@ -132,10 +223,12 @@ class TrainingLogger(Logger):
     def state_dict(self) -> dict[str, Any]:
         """State for an exact resume: totals, unfinished episodes, and the last finished ones."""
         state = {name: getattr(self, name) for name in (*_NUMBERS, *_TENSORS)}
-        return state | {name: list(getattr(self, name)) for name in _BUFFERS}
+        own = {} if self._wandb_id is None else {"wandb_id": self._wandb_id}
+        return state | {name: list(getattr(self, name)) for name in _BUFFERS} | own
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Continue from a `state_dict`."""
+        self._wandb_id = state.get("wandb_id")
         for name in _NUMBERS:
             setattr(self, name, state[name])
         for name in _TENSORS:

@@ -10,7 +10,7 @@ from typing import Any
 
 from posture.config.errors import ConfigError
 
-VERSION = 4
+VERSION = 5
 
 
 def upgrade(values: dict[str, Any], file: Path) -> dict[str, Any]:
@@ -52,5 +52,12 @@ def _from_3(values: dict[str, Any]) -> dict[str, Any]:
     return values
 
 
-UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _from_1, 2: _from_2, 3: _from_3}
+def _from_4(values: dict[str, Any]) -> dict[str, Any]:
+    """Every training began with random weights, logged to TensorBoard, and was evaluated at its end only."""
+    with contextlib.suppress(KeyError, TypeError, AttributeError):  # as above
+        values["agent"].setdefault("logger", "tensorboard")
+    return dict.fromkeys(("init", "evaluate_every", "film_every", "patience")) | values
+
+
+UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _from_1, 2: _from_2, 3: _from_3, 4: _from_4}
 """By version, the function that gives the version after it."""

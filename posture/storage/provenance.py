@@ -35,10 +35,13 @@ LIBRARIES = ("newton", "warp-lang", "mujoco", "mujoco-warp", "rsl-rl-lib", "torc
 """Libraries whose version decides a result."""
 
 
-def write_config(run: Path, config: TrainConfig) -> None:
-    """Save the resolved configuration in the folder `run`, and add this start to its provenance.yaml."""
+def write_config(run: Path, config: TrainConfig, begun_from: Path | None = None) -> None:
+    """Save the resolved configuration in the folder `run`, and add this start to its provenance.yaml.
+
+    begun_from: the checkpoint whose weights this start took, if any.
+    """
     yaml_files.write_yaml(run / "config.yaml", {"version": VERSION, **config.model_dump(mode="json")})
-    start = {
+    start: dict[str, Any] = {
         "command": [Path(sys.argv[0]).name, *sys.argv[1:]],
         "started": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "git_commit": _git_commit(),
@@ -47,6 +50,11 @@ def write_config(run: Path, config: TrainConfig) -> None:
         "platform": platform.platform(),
         "versions": {"posture": importlib.metadata.version("posture"), **library_versions()},
     }
+    if begun_from is not None:
+        start["begun_from"] = {
+            "checkpoint": str(begun_from.absolute()),
+            "sha256": hashlib.sha256(begun_from.read_bytes()).hexdigest(),
+        }
     yaml_files.write_yaml(run / "provenance.yaml", [*starts(run), start])
 
 

@@ -6,6 +6,8 @@ model_<n>.pt      policy, value function and optimiser after n iterations (rsl-r
 resume.pt         the rest of the state that an exact resume needs, as of the newest model
 events.out.*      TensorBoard
 evaluation/       output of posture.eval
+best.pt           the best of the evaluated policies, and best.yaml its figures (posture/evaluation/best.py)
+films/            films of checkpoints
 """
 
 import contextlib
@@ -26,7 +28,8 @@ from posture.storage import yaml_files
 from posture.storage.migration import upgrade
 
 RUNS = Path("runs")
-FILES = ("config.yaml", "provenance.yaml", "resume.pt", ".lock")
+BEST = ("best.pt", "best.yaml")
+FILES = ("config.yaml", "provenance.yaml", "resume.pt", ".lock", *BEST)
 """Files that a training writes into its folder, beside those that are numbered."""
 PRETRAINED = Path(__file__).resolve().parent.parent / "pretrained"
 """Run folders shipped with the package, each with one policy (posture/reproduce/ship.py)."""
@@ -84,7 +87,10 @@ def find_checkpoints(name: str, wanted: Callable[[Path], bool] | None = None) ->
         return [_pretrained(name.removeprefix("pretrained").lstrip("/") or "default")]
     elif path.is_file():
         if not is_run(path.parent):
-            raise ConfigError(f"{name}: has no config.yaml beside it, so its environment is unknown")
+            raise ConfigError(
+                f"{name}: has no config.yaml beside it, so its environment is unknown; posture.import_checkpoint makes a "
+                "run of a checkpoint of rsl-rl's own runner"
+            )
         return [path]
     elif path.is_dir():
         runs = [run for run in runs_in(path) if wanted is None or wanted(run)]
@@ -126,8 +132,12 @@ def is_shipped(model: Path) -> bool:
 
 def newest_model(run: Path) -> Path | None:
     """The checkpoint of `run` with the most iterations, or None."""
-    models = [path for path in run.glob("model_*.pt") if re.fullmatch(r"model_\d+\.pt", path.name)]
-    return max(models, key=iteration_of, default=None)
+    return max(models(run), key=iteration_of, default=None)
+
+
+def models(run: Path) -> list[Path]:
+    """The numbered checkpoints of `run`."""
+    return [path for path in run.glob("model_*.pt") if re.fullmatch(r"model_\d+\.pt", path.name)]
 
 
 def iterations_of_newest(run: Path) -> int:

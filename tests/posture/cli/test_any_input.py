@@ -19,7 +19,7 @@ from tests.commands import ENTRIES, answer
 
 COMMANDS = ["train", "eval", "theory", "reproduce", "export"]
 """`play` and `film` have tests of their own."""
-TEXTS = {"device", "resume", "ckpt", "out", "overrides", "actor", "critic", "observations"}
+TEXTS = {"device", "resume", "init", "ckpt", "out", "overrides", "actor", "critic", "observations"}
 """Keys whose text is checked by functions: paths, devices, names of observations, further command lines."""
 
 

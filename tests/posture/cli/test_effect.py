@@ -82,9 +82,12 @@ def configured(command, *overrides):
     return compose(command, ENTRIES[command][0], *overrides)
 
 
+NEEDED = {"import_checkpoint": ("file=model_1.pt",)}
+
+
 @pytest.mark.parametrize(
     ("command", "overrides"),
-    [*((command, ()) for command in ENTRIES), ("eval", ("policy=lqr",)), ("export", ("what=[policy]",))]
+    [*((command, NEEDED.get(command, ())) for command in ENTRIES), ("eval", ("policy=lqr",)), ("export", ("what=[policy]",))]
     + [("film", (f"films=[{name}]",)) for name in ("two_modes", "ramp")]
     + [("play", ("record=a.html",)), ("reproduce", ("stages=[train]",)), ("reproduce", ("stages=[ship]",))],
 )

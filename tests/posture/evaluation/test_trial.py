@@ -6,7 +6,7 @@ import torch
 from envs.config import Ramp
 from posture.config.errors import ConfigError
 from posture.config.eval import EnvChanges
-from posture.evaluation.trial import AS_TRAINED, comparable_table_3, trial_config
+from posture.evaluation.trial import AS_TRAINED, comparable_table_3, evaluate_at, trial_config
 from posture.learning.learner import Learner
 from posture.learning.networks import load_policy
 from tests.conftest import compose
@@ -82,3 +82,29 @@ def test_a_policy_of_another_shape_is_refused(run, env, tmp_path):
     other = compose("env.num_envs=64", "agent.actor.hidden_dims=[32,32]")
     with pytest.raises(ConfigError, match="does not hold this run's policy"):
         load_policy(content, other, tmp_path / "model_1.pt", "cpu")
+
+
+def test_evaluate_at_measures_a_policy_and_writes_nothing(tmp_path, monkeypatch, capsys):
+    """The shipped policy follows a slow target in phase and a fast one in anti-phase, as the paper's (Table 3)."""
+    monkeypatch.chdir(tmp_path)
+    rows, trial = evaluate_at([0.3, 1.2], duration=30, load=1)
+    assert [row.mode for row in rows] == ["in-phase", "anti-phase"]
+    assert [row.load_kg for row in rows] == [1.0, 1.0]
+    assert trial.freq.tolist() == [0.3, 1.2] and trial.time[-1] == pytest.approx(30, abs=0.02)
+    assert not list(tmp_path.iterdir()) and not capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"freq": []}, "freq"),
+        ({"freq": [-1.0]}, "freq"),
+        ({"freq": [1.0], "hip": 50}, "hip: no such key"),
+        ({"freq": [1.0], "load": -4}, "load = -4"),
+        ({"freq": [1.0], "duration": 3}, "evaluation.transient"),
+        ({"freq": [1.0], "ckpt": "pretrained/none"}, "no such policy"),
+    ],
+)
+def test_evaluate_at_refuses_what_is_not_allowed(arguments, message):
+    with pytest.raises(ConfigError, match=message):
+        evaluate_at(**arguments)

@@ -1,0 +1,24 @@
+"""From the arguments of `gymnasium.make` and `make_vec` to a checked configuration."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from hydra.errors import HydraException
+
+from posture.cli import entry, jobs
+from posture.config.errors import ConfigError
+from posture.config.gymnasium import GymnasiumConfig
+
+
+def configure(num_envs: int, env: str, training_steps: int | None, keys: Mapping[str, Any]) -> GymnasiumConfig:
+    """The configuration conf/env/`env`.yaml with the values of `keys`, for `num_envs` worlds.
+
+    Raises ValueError with one line that says what is wrong and what is allowed.
+    """
+    if "num_envs" in keys:
+        raise ValueError("num_envs: gymnasium.make makes one stander; make_vec takes num_envs")
+    values = {"env": {**keys, "num_envs": num_envs}, "training_steps": training_steps}
+    try:
+        return jobs.compose("gymnasium", GymnasiumConfig, f"env={env}", values=values)
+    except (ConfigError, HydraException) as error:
+        raise ValueError(entry.one_line(error)) from None
