@@ -1,5 +1,7 @@
 """Follow a moving target with the head: the task, as the vectorised environment that rsl-rl's runner trains on."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import torch
@@ -13,8 +15,6 @@ from envs.task import observations, rewards, terminations
 from envs.task.episodes import FOOT_BODIES, Episodes
 from envs.task.observations import PAST_STEPS, TaskState
 
-CHECK_CAPACITY_EVERY = 100
-"""Control steps between two checks of the solver's overflow flags: on a GPU each check waits for the device."""
 _SAVED = {"episode_length_buf": "step"} | {name: name for name in ("episode", "action", "freq", "track", "phase_offset")}
 """Tensors of `Episodes` that later steps depend on, by their names in a saved state."""
 
@@ -53,7 +53,6 @@ class HeadTrackingEnv(VecEnv):
         limits = torch.tensor(self.sim.geometry.joint_limits, device=sim_device)
         self._limit_centre, self._limit_half = limits.mean(0), (limits[1] - limits[0]) / 2.0
         self.steps = torch.zeros((), dtype=torch.long, device=sim_device)
-        self._steps_until_check = CHECK_CAPACITY_EVERY
         worlds = torch.arange(part[0], config.num_envs, part[1], device=sim_device)
         self.episodes = Episodes(config, self.sim, worlds, seed)
         self.episode_length_buf = self.episodes.step
@@ -75,7 +74,6 @@ class HeadTrackingEnv(VecEnv):
         # A world with a NaN command has diverged: its torque was not applied.
         self.state.action.nan_to_num_(nan=0.0)
         self.steps += 1
-        self._check_capacity()
 
         # 3. Where head, feet and target are now.
         self.episodes.advance()
@@ -164,13 +162,6 @@ class HeadTrackingEnv(VecEnv):
             target_past=episodes.track[:, PAST_STEPS::PAST_STEPS],
         )
 
-    def _check_capacity(self) -> None:
-        """Now and then raise the error of `Simulation.check_capacity`, for which a GPU must be waited for."""
-        self._steps_until_check -= 1
-        if not self._steps_until_check:
-            self.sim.check_capacity()
-            self._steps_until_check = CHECK_CAPACITY_EVERY
-
     def _ended(self) -> torch.Tensor:
         """The worlds whose episode ends early, (N,) bool."""
         limits, state = self.config.termination, self.state
@@ -184,10 +175,9 @@ class HeadTrackingEnv(VecEnv):
     def _reward(self, ended: torch.Tensor) -> torch.Tensor:
         """The reward of every world, (N,); see envs/task/rewards.py."""
 
-        progress = None if self.training_steps is None else self.steps.double() / max(1, self.training_steps)
-
-        def weight(value: Weight) -> float | torch.Tensor:
-            return rewards.weight(value, progress)
+        weight: Callable[[Weight], float | torch.Tensor] = rewards.weight
+        if self.training_steps is not None:
+            weight = partial(rewards.weight_at, self.steps.double() / max(1, self.training_steps))
 
         config, terms, state = self.config, self.config.reward, self.state
         stay = rewards.closeness(state.foot_displacement.mean(-1), terms.stay_sharpness)

@@ -68,10 +68,13 @@ def joint_limit(scaled_angle: Values) -> Values:
     return ((abs(scaled_angle) - 0.98) / 0.02).clip(min=0.0).sum(-1)
 
 
-def weight(value: Weight, progress: "torch.Tensor | None" = None) -> "float | torch.Tensor":
-    """The weight at `progress`, the share of the training that is done, shape (); its final value outside a training."""
+def weight(value: Weight) -> float:
+    """The weight at the end of a training and outside of one."""
+    return value.end if isinstance(value, Schedule) else value
+
+
+def weight_at(progress: "torch.Tensor", value: Weight) -> "float | torch.Tensor":
+    """The weight at `progress`, the share of the training that is done, shape ()."""
     if not isinstance(value, Schedule):
         return value
-    if progress is None:
-        return value.end
     return value.start * (value.end / value.start) ** (progress / value.until).clip(max=1.0)

@@ -25,8 +25,8 @@ class Motion:
 
 @wp.struct
 class Course:
-    """What determines a target's motion: `freq` at its start [Hz], which changes by `rate` [Hz/s] for `duration` [s] and then
-    is constant; `amplitude` [m]; `offset`, added to the phase [rad]."""
+    """What determines a target's motion: `freq` at its start [Hz], which changes by `rate` [Hz/s] for `duration` [s] and
+    then is constant; `amplitude` [m]; `offset`, added to the phase [rad]."""
 
     freq: wp.float64
     rate: wp.float64

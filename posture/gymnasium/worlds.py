@@ -8,7 +8,6 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from envs.body.joints import ANKLES, HIPS, KINDS
-from envs.task import target
 from envs.task.head_tracking import HeadTrackingEnv
 from envs.task.observations import components
 from posture.config.gymnasium import GymnasiumConfig
@@ -34,12 +33,7 @@ class Worlds(HeadTrackingEnv):
 
     def reseed_from(self, random: np.random.Generator) -> None:
         """Draw a seed: the episodes from the next one on are those of a new `HeadTrackingEnv` with this seed."""
-        config, seed = self.config, int(random.integers(2**63))
-        low, high = config.episode_steps if isinstance(config.episode_steps, tuple) else 2 * (config.episode_steps,)
-        numbers = torch.arange(self.num_envs)
-        self._source = target.FrequencySource(config.freq, config.ramp, config.freq_draw, numbers, self.num_envs, seed)
-        self._lengths = target.LengthSource(low, high, numbers, seed)
-        self.episode.fill_(-1)
+        self.episodes.reseed(int(random.integers(2**63)))
 
     def begin(self, mask: Mask | None = None) -> None:
         """Begin an episode in the worlds of `mask` (N,), None: in all."""
@@ -49,6 +43,7 @@ class Worlds(HeadTrackingEnv):
         """One control step: reward (N,), terminated (N,) and truncated (N,), that is, timed out. `actions` (N, 2)."""
         command = np.asarray(actions, dtype=np.float32).reshape(self.num_envs, self.num_actions)
         _, reward, done, extras = self.step(torch.from_numpy(command))
+        self.sim.check_capacity()
         truncated = extras["time_outs"]
         return reward.double().numpy(), (done & ~truncated).numpy(), truncated.numpy()
 
@@ -71,7 +66,7 @@ class Worlds(HeadTrackingEnv):
         """The stander from the side, (height, width, 3) uint8."""
         self._picture = self._picture or Picture(2 * self.config.amplitude)
         state = self.state
-        foot_x = (state.foot_pose[..., 0] - self._foot_start[..., 0]).mean(-1)
+        foot_x = (state.foot_pose[..., 0] - self.episodes.foot_start[..., 0]).mean(-1)
         hip, ankle = (state.joint_angle[:, kind].mean(-1) for kind in (HIPS, ANKLES))
         return self._picture.draw(*(float(values[world]) for values in (hip, ankle, foot_x, state.head_x, state.target_x)))
 

@@ -84,6 +84,7 @@ class Learner(OnPolicyRunner):
 
         After a signal, save and raise signals.Stopped.
         """
+        self.env.sim.check_capacity()
         done = self.current_learning_iteration + 1
         if done == self._done:
             return  # rsl-rl calls this once more at the end

@@ -172,6 +172,7 @@ class TrainingLogger(Logger):
         self._recent_s: deque[float] = deque(maxlen=20)
         self.iterations_done = 0
         self._wandb_id: str | None = None
+        self._steps: list[tuple[torch.Tensor, torch.Tensor, torch.Tensor]] = []
         # In single precision the sum over an episode of millions of steps would stop growing.
         self.cur_reward_sum = torch.zeros_like(self.cur_episode_length, dtype=torch.float64)
 
@@ -196,8 +197,27 @@ class TrainingLogger(Logger):
             self.writer.close()
             self.writer = None
 
+    def process_env_step(
+        self, rewards: torch.Tensor, dones: torch.Tensor, extras: dict[str, Any], intrinsic_rewards: Any = None
+    ) -> None:
+        """As rsl-rl's, but without waiting for a GPU: ended episodes are looked for after the iteration."""
+        self.ep_extras.append(extras["log"])
+        self.cur_reward_sum += rewards
+        self.cur_episode_length += 1
+        self._steps.append((dones, self.cur_reward_sum.clone(), self.cur_episode_length.clone()))
+        for values in (self.cur_reward_sum, self.cur_episode_length):
+            values.masked_fill_(dones, 0)
+
+    def _note_ended_episodes(self) -> None:
+        """Returns and lengths of the episodes that ended in this iteration."""
+        for dones, returns, lengths in self._steps:
+            self.rewbuffer.extend(returns[dones].tolist())
+            self.lenbuffer.extend(lengths[dones].tolist())
+        self._steps.clear()
+
     def log(self, it: int, start_it: int, total_it: int, collect_time: float, learn_time: float, **rest: Any) -> None:
         """Write the iteration with index `it` to TensorBoard, and show it."""
+        self._note_ended_episodes()
         error_mm, cost = self._mean("/tracking_error_mm"), self._mean("/cost")  # before rsl-rl clears them
         with contextlib.redirect_stdout(io.StringIO()):
             super().log(it + 1, start_it, total_it, collect_time, learn_time, **rest)

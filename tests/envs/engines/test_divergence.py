@@ -169,7 +169,6 @@ def test_command_with_an_overflow_fails_and_writes_no_result(monkeypatch, tmp_pa
         sim._data.njmax = 8  # the solver's own minimum is the 16 rows of two flat feet
 
     monkeypatch.setattr(NewtonMujocoSimulation, "__init__", cramped)
-    monkeypatch.setattr("envs.task.head_tracking.CHECK_CAPACITY_EVERY", 1)
     capsys.readouterr()
     with pytest.raises(SystemExit) as stop:
         call(monkeypatch, command, *(TINY if command == "train" else ["ckpt=latest"]), "env.physics=mujoco")

@@ -129,7 +129,9 @@ def test_target_is_exact_at_any_time(env_config, target):
         env.episode_length_buf.fill_(step - 1)
         env.step(still(env))
         now = step * Fraction(env.config.control_dt)
-        for freq, x, vx in zip(env.episodes.freq.tolist(), env.state.target_x.tolist(), env.state.target_vx.tolist(), strict=True):
+        for freq, x, vx in zip(
+            env.episodes.freq.tolist(), env.state.target_x.tolist(), env.state.target_vx.tolist(), strict=True
+        ):
             cycles, speed = Fraction(freq) * now, freq
             if ramp is not None:
                 risen = min(now, Fraction(ramp.duration))

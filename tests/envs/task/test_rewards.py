@@ -46,15 +46,16 @@ def test_joint_limit_by_hand(row):
 @pytest.mark.parametrize(("steps", "expected"), [(0, 11.0), (50, math.sqrt(44.0)), (100, 4.0), (1000, 4.0)])
 def test_a_schedule_is_geometric_and_then_constant(steps, expected):
     schedule = Schedule(start=11.0, end=4.0, until=0.25)
-    assert rewards.weight(schedule, steps, 400) == pytest.approx(expected)
-    assert rewards.weight(schedule) == rewards.weight(schedule, steps) == 4.0
-    assert rewards.weight(7.0, steps, 400) == 7.0
+    progress = torch.tensor(steps, dtype=torch.float64) / 400
+    assert float(rewards.weight_at(progress, schedule)) == pytest.approx(expected)
+    assert rewards.weight(schedule) == 4.0
+    assert rewards.weight(7.0) == rewards.weight_at(progress, 7.0) == 7.0
 
 
 def total(config, head_error, foot, action, velocity, ended=False):
     """The environment's reward of one world in a given situation, outside a training, without stepping it."""
     env = HeadTrackingEnv.__new__(HeadTrackingEnv)
-    env.config, env.steps, env.training_steps = config, 0, None
+    env.config, env.training_steps = config, None
     env.state = SimpleNamespace(
         target_x=torch.tensor([head_error]),
         head_x=torch.zeros(1),
