@@ -123,7 +123,7 @@ class Episodes:
         shortest, longest = self._config.episode_bounds
         result.length_low, result.length_range = float(shortest), float(longest - shortest + 1)
         tensors = vars(self) | {"body_pose": sim.body_pose, "body_velocity": sim.body_velocity}
-        for name, field in EpisodeArrays.vars.items():
+        for name, field in EpisodeArrays.vars.items():  # type: ignore[attr-defined]
             if name in tensors:
                 setattr(result, name, wp.from_torch(tensors[name], dtype=field.type.dtype))
         return result

@@ -31,7 +31,8 @@ def test_reward_of_an_episode_of_ten_million_steps():
     logger.cur_reward_sum.fill_(900_000.0)
     logger.cur_episode_length.fill_(9_999_000)
     for step in range(1000):
-        logger.process_env_step(torch.tensor([0.09]), torch.tensor([step == 999]), {})
+        logger.process_env_step(torch.tensor([0.09]), torch.tensor([step == 999]), {"log": {}})
+    logger._note_ended_episodes()
     assert list(logger.rewbuffer) == pytest.approx([900_090.0], abs=1e-3)
     assert list(logger.lenbuffer) == [10_000_000]
 
