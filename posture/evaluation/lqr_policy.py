@@ -8,6 +8,7 @@ from tensordict import TensorDict
 
 from envs.body.joints import ANKLES, HIPS
 from envs.body.rotation import pitch
+from envs.task.episodes import FOOT_BODIES
 from envs.task.head_tracking import HeadTrackingEnv
 from posture.config.eval import LqrConfig
 from posture.theory.lqr import gain, reference
@@ -25,8 +26,8 @@ def flat_foot_state(env: HeadTrackingEnv) -> tuple[torch.Tensor, torch.Tensor]:
     hip, ankle, hip_rate, ankle_rate = (
         values[:, kind].mean(-1) for values in (sim.joint_angle, sim.joint_velocity) for kind in (HIPS, ANKLES)
     )
-    tilt = pitch(sim.body_pose[:, env.FOOT_BODIES, 3:]).mean(-1)
-    tilt_rate = sim.body_velocity[:, env.FOOT_BODIES, 4].mean(-1)
+    tilt = pitch(sim.body_pose[:, FOOT_BODIES, 3:]).mean(-1)
+    tilt_rate = sim.body_velocity[:, FOOT_BODIES, 4].mean(-1)
     correction = sim.ankle_k * tilt + env.config.joint_damping * tilt_rate
     state = torch.stack((hip, ankle - tilt, hip_rate, ankle_rate - tilt_rate), dim=-1)
     return state, torch.stack((torch.zeros_like(correction), correction), dim=-1)

@@ -46,7 +46,7 @@ def training(tmp_path_factory):
     with subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         try:
             deadline = time.monotonic() + 120.0
-            while not list(folder.glob("runs/*/model_5.pt")):
+            while not list(folder.glob("runs/*/resume.pt")):  # written after the checkpoint
                 assert process.poll() is None and time.monotonic() < deadline
                 time.sleep(0.1)
             yield next(folder.glob("runs/*")), process
