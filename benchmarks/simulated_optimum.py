@@ -1,6 +1,8 @@
 """The periodic motion that maximises the reward in the simulation itself, beside that of the linear stander.
 
-python benchmarks/simulated_optimum.py     about 15 minutes; docs/learning.md has its result
+python benchmarks/simulated_optimum.py [--freq 0.6 0.65] [--seed 1] [-- env.reward.target_sharpness=180]
+
+3 minutes for each frequency; docs/learning.md has its result.
 
 The linear theory knows neither large angles nor soft ground. Here the model-based controller (posture/theory/lqr.py) follows
 a motion whose harmonics are varied by the cross-entropy method: many worlds try variations of one motion, and the next
@@ -102,10 +104,10 @@ def search(trial: Trial, start: Array, seed: int) -> Array:
 def main() -> None:
     """Print hip-ankle correlation and ratio of cost to least cost of the linear optimum, of the same followed in the
     simulation, and of the optimum found there, with the latter two's reward; then the frequencies at which they switch."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--freq", type=float, nargs="+", default=[0.6, 0.625, 0.65, 0.675, 0.7])
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("overrides", nargs="*")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--freq", type=float, nargs="+", default=[0.6, 0.625, 0.65, 0.675, 0.7], help="[Hz]")
+    parser.add_argument("--seed", type=int, default=1, help="of the variations")
+    parser.add_argument("overrides", nargs="*", help="Hydra overrides of posture.train, after --")
     arguments = parser.parse_args()
     # An end by the head's tolerance would count as a fall.
     config = compose(
