@@ -7,6 +7,8 @@ leaves out J'v, which is zero where the body in contact is the root. With the sh
 displacement vanishes, and both models agree (docs/physics.md). What remains is of the time step, and shrinks with it.
 """
 
+import argparse
+
 import mujoco
 import numpy as np
 
@@ -47,6 +49,7 @@ def creep(root: str, correct: bool, step: float) -> float:
 
 
 if __name__ == "__main__":
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     for step in (0.004, 0.002, 0.001):
         moved = [creep(*case, step) for case in (("pole", False), ("foot", False), ("pole", True))]
         print(

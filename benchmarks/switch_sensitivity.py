@@ -6,6 +6,7 @@ At each frequency f the stander moves as is best for f + shift: its coordination
 `shift` below the optimum.
 """
 
+import argparse
 import math
 
 import numpy as np
@@ -38,6 +39,7 @@ def mean_reward(motion: PeriodicMotion, config: EnvConfig) -> float:
 
 def main() -> None:
     """Print, for each frequency and shift, the hip-ankle correlation and the reward lost."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     config = compose().env
     stander = linearise(read_segments(config), config)
     print("shift [Hz] " + " ".join(f"{shift:>+15.2f}" for shift in SHIFTS))

@@ -188,6 +188,17 @@ class EnvConfig(Strict):
                 )
         return self
 
+    def without_effect(self, prefix: str = "") -> dict[str, str]:
+        """Keys that have no effect, and why; each key begins with `prefix`."""
+        unused = {}
+        if self.ramp is not None:
+            unused |= dict.fromkeys((f"{prefix}freq", f"{prefix}freq_draw"), f"beside {prefix}ramp")
+        elif not isinstance(self.freq, tuple):
+            unused[f"{prefix}freq_draw"] = f"with one {prefix}freq"
+        if self.reward.tolerance_weight == 0:
+            unused[f"{prefix}reward.tolerance"] = f"with {prefix}reward.tolerance_weight=0"
+        return unused
+
     @property
     def head_tolerance(self) -> float | None:
         """How far the head may be from its target [m]: where the reward begins to count it, or else where episodes end."""

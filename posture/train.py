@@ -93,10 +93,13 @@ def _evaluate(config: TrainConfig, folder: Path) -> float | None:
 
         evaluate_run(folder, config)
     if config.evaluate_every is not None:
-        from posture.evaluation.best import keep_best
+        from posture.evaluation.best import keep_best, scores
 
-        leader = keep_best(folder, config)
-        print(f"best: {'none, since every policy falls at every frequency' if leader is None else folder / 'best.pt'}")
+        if keep_best(folder, config) is not None:
+            print(f"best: {folder / 'best.pt'}")
+        else:
+            reason = "every policy falls at every frequency" if scores(folder, config) else "no checkpoint was evaluated"
+            print(f"best: none, since {reason}")
     print(f"run: {folder}")
     if not config.evaluate:
         return None
@@ -214,7 +217,9 @@ def _resumed(config: TrainConfig, folder: Path) -> TrainConfig:
     own = run_dir.read_config(folder)
     merged = own.model_copy(update={key: getattr(config, key) for key in entry.overridden_keys()})
     check_device(merged.device)
-    read(TrainConfig, merged.model_dump() | {"resume": None})
+    unused = read(TrainConfig, merged.model_dump() | {"resume": None}).without_effect()
+    for key in sorted(entry.overridden_keys() & unused.keys()):
+        raise ConfigError(f"{key}: has no effect {unused[key]}")
     done = iterations_done(folder)
     if merged.max_iterations <= done:
         raise ConfigError(

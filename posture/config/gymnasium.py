@@ -12,7 +12,9 @@ class GymnasiumConfig(Strict):
     training_steps: Steps | None
 
     @model_validator(mode="after")
-    def _has_effect(self) -> "GymnasiumConfig":
+    def _consistent(self) -> "GymnasiumConfig":
+        if not any(self.env.observations.values()):
+            raise ValueError("env.observations: all groups are empty; allowed is at least one term")
         if self.training_steps is not None and not self.env.schedules:
             raise ValueError(
                 "training_steps: has no effect where no weight is a schedule; with env='head_tracking' some are"

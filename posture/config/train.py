@@ -37,14 +37,9 @@ class TrainConfig(CommandConfig):
         """See `CommandConfig`. Keys of the solver and of the evaluation count in later evaluations of the run."""
         shown = {*self.agent.obs_groups.actor, *self.agent.obs_groups.critic}
         unused = {f"env.observations.{group}": "without agent.obs_groups" for group in self.env.observations.keys() - shown}
-        if self.env.ramp is not None:
-            unused |= dict.fromkeys(("env.freq", "env.freq_draw"), "beside env.ramp")
-        elif not isinstance(self.env.freq, tuple):
-            unused["env.freq_draw"] = "with one env.freq"
+        unused |= self.env.without_effect("env.")
         if self.agent.algorithm.schedule == "fixed":
             unused["agent.algorithm.desired_kl"] = "with agent.algorithm.schedule=fixed"
-        if self.env.reward.tolerance_weight == 0:
-            unused["env.reward.tolerance"] = "with env.reward.tolerance_weight=0"
         if self.evaluate_every is None and self.resume is None:  # a run that is resumed may have it
             unused["patience"] = "without evaluate_every"
         if self.device != "cpu" and self.processes > 1:
@@ -59,6 +54,8 @@ class TrainConfig(CommandConfig):
             every, saved = getattr(self, name), self.agent.save_interval
             if every is not None and every % saved and self.resume is None:  # a run that is resumed has its own
                 raise ValueError(f"{name} = {every}: allowed is a multiple of agent.save_interval, {saved}")
+            if every is not None and every > self.max_iterations and self.resume is None:
+                raise ValueError(f"{name} = {every}: allowed is at most max_iterations, {self.max_iterations}")
         if self.evaluate_every is not None and (
             self.env.ramp is not None or self.evaluation.tolerance >= self.env.amplitude
         ):

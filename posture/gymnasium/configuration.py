@@ -19,6 +19,18 @@ def configure(num_envs: int, env: str, training_steps: int | None, keys: Mapping
         raise ValueError("num_envs: gymnasium.make makes one stander; make_vec takes num_envs")
     values = {"env": {**keys, "num_envs": num_envs}, "training_steps": training_steps}
     try:
-        return jobs.compose("gymnasium", GymnasiumConfig, f"env={env}", values=values)
+        config = jobs.compose("gymnasium", GymnasiumConfig, f"env={env}", values=values)
     except (ConfigError, HydraException) as error:
         raise ValueError(entry.one_line(error)) from None
+    for key, reason in config.env.without_effect().items():
+        if _is_given(keys, key):
+            raise ValueError(f"{key}: has no effect {reason}")
+    return config
+
+
+def _is_given(keys: Mapping[str, Any], dotted: str) -> bool:
+    """Whether the nested `keys` hold `dotted`, such as reward.tolerance."""
+    first, _, rest = dotted.partition(".")
+    if first not in keys or keys[first] is None:
+        return False
+    return not rest or (isinstance(keys[first], Mapping) and _is_given(keys[first], rest))

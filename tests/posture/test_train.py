@@ -140,3 +140,5 @@ def test_checkpoints_are_evaluated_only_where_they_are_saved(run, monkeypatch, c
     line = refused(monkeypatch, capsys, "train", *QUICK, "agent.save_interval=4", "film_every=6")
     assert "film_every = 6: allowed is a multiple of agent.save_interval, 4" in line
     assert "without evaluate_every" in refused(monkeypatch, capsys, "train", *QUICK, "patience=3")
+    line = refused(monkeypatch, capsys, "train", *QUICK, "agent.save_interval=1", "max_iterations=2", "evaluate_every=3")
+    assert "evaluate_every = 3: allowed is at most max_iterations, 2" in line

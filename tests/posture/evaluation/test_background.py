@@ -101,6 +101,8 @@ def test_a_plateau_ends_the_training_which_can_be_resumed(ratios, monkeypatch, c
     assert "patience = 2 ended it after 10 iterations" in line
     line = refused(monkeypatch, capsys, "train", "resume=run", "max_iterations=14", "evaluate_every=0")
     assert "evaluate_every = 0" in line
+    line = refused(monkeypatch, capsys, "train", "resume=run", "max_iterations=14", "evaluate_every=null", "patience=3")
+    assert "patience: has no effect without evaluate_every" in line
     ratios[10] = 1.3
     call(monkeypatch, "train", "resume=run", "patience=null", "max_iterations=14")
     assert iterations("run")[-1] == 14

@@ -186,6 +186,10 @@ def test_seeds_of_the_vector_environment():
         ({"training_steps": 0}, "training_steps = 0: must be greater than or equal to 1"),
         ({"training_steps": 10}, "training_steps: has no effect where no weight is a schedule"),
         ({"num_envs": 5}, "make_vec takes num_envs"),
+        ({"freq": 1.0, "freq_draw": "uniform"}, "freq_draw: has no effect with one freq"),
+        ({"freq": 1.0, "ramp": {"start": 0.1, "rate": 0.01, "duration": 10}}, "freq: has no effect beside ramp"),
+        ({"reward": {"tolerance_weight": 0, "tolerance": 0.05}}, "reward.tolerance: has no effect with reward.tolerance_w"),
+        ({"observations": {"policy": [], "target_motion": []}}, "env.observations: all groups are empty"),
         ({"render_mode": "ansi"}, "render_mode = ansi: allowed is rgb_array or None"),
     ],
 )
