@@ -190,7 +190,7 @@ class EnvConfig(Strict):
 
     def without_effect(self, prefix: str = "") -> dict[str, str]:
         """Keys that have no effect, and why; each key begins with `prefix`."""
-        unused = {}
+        unused: dict[str, str] = {}
         if self.ramp is not None:
             unused |= dict.fromkeys((f"{prefix}freq", f"{prefix}freq_draw"), f"beside {prefix}ramp")
         elif not isinstance(self.freq, tuple):
