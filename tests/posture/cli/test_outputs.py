@@ -28,6 +28,7 @@ def folders_of(command, *arguments):
 
 SWEPT = {
     "train": "seed=1,2",
+    "import_checkpoint": "seed=1,2",
     "eval": "evaluation.transient=5,10",
     "theory": "env.load=0,1",
     "film": "env.load=0,1",
@@ -39,14 +40,14 @@ SWEPT = {
 
 @pytest.mark.parametrize("command", ENTRIES)
 def test_each_job_has_a_folder_of_its_own(command):
-    record = ["record=a.html"] if command == "play" else []
+    needed = {"play": ["record=a.html"], "import_checkpoint": ["file=model_1.pt"]}.get(command, [])
     key = SWEPT[command].partition("=")[0].rpartition(".")[2]
     names = [f"{number}_{key}-{value}" for number, value in enumerate(SWEPT[command].partition("=")[2].split(","))]
-    assert folders_of(command, *record, "out=here/a b") == [Path("here/a b")]
-    assert folders_of(command, *record, "-m", SWEPT[command], "out=there") == [Path("there", name) for name in names]
-    swept = folders_of(command, *record, "-m", SWEPT[command])
+    assert folders_of(command, *needed, "out=here/a b") == [Path("here/a b")]
+    assert folders_of(command, *needed, "-m", SWEPT[command], "out=there") == [Path("there", name) for name in names]
+    swept = folders_of(command, *needed, "-m", SWEPT[command])
     assert [folder.name for folder in swept] == names and swept[0].parent == swept[1].parent
-    (single,) = folders_of(command, *record)
+    (single,) = folders_of(command, *needed)
     if command == "reproduce":
         assert single == Path("results/reproduction")
     else:
