@@ -8,7 +8,7 @@ import warp as wp
 
 
 class Launch:
-    """A launch of `kernel` over `dim` threads, recorded once: a call of it costs a tenth of `wp.launch`.
+    """A launch of `kernel` over `dim` threads, recorded once: a call of it does not check and pack the arguments again.
 
     Arguments are Warp arrays, structs and numbers. The memory of the arrays must stay in place.
     """

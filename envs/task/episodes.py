@@ -76,7 +76,7 @@ class Episodes:
         self._restore()
 
     def follow(self, freq: torch.Tensor) -> None:
-        """From its next episode on, world i follows a target of the constant `freq`[i] [Hz], (N,)."""
+        """From its next episode on, world i follows a target of the constant `freq`[i] [Hz], (N,). A ramp ends at once."""
         self.freq_low.copy_(freq)
         self.freq_range.zero_()
         self.ramp_rate.zero_()

@@ -11,6 +11,7 @@ import warp as wp
 
 TWO_PI = wp.constant(wp.float64(2.0 * math.pi))
 UNIT = wp.constant(wp.float64(2.0**-53))
+"""Spacing of the 53-bit numbers in [0, 1)."""
 
 
 @wp.struct

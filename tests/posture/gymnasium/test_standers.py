@@ -250,3 +250,9 @@ def test_picture():
     assert not np.array_equal(env.render()[0], start[0])
     assert math.isclose(env.metadata["render_fps"], 1 / 0.0166)
     assert gymnasium.make(ID).unwrapped.render() is None
+
+
+def test_fixed_reward_is_that_with_which_the_default_training_begins():
+    fixed, default = (configure(1, env, None, {}).env for env in ("fixed_reward", "head_tracking"))
+    begins = {name: getattr(weight, "start", weight) for name, weight in default.reward}
+    assert not fixed.schedules and dict(fixed.reward) == begins
