@@ -9,7 +9,7 @@ STAMP := .venv/.installed
 .DEFAULT_GOAL := help
 ARGUMENTS = $(if $(seeds),seeds=$(seeds)) $(ARGS)
 
-.PHONY: help setup play film train eval theory reproduce benchmark docs test test-slow lint types check clean
+.PHONY: help setup play film train eval theory reproduce benchmark docs test test-slow test-gpu lint types check clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -58,6 +58,9 @@ test: setup ## run the quick tests, on several cores; pytest options in ARGS
 
 test-slow: setup ## run the slow tests alone; pytest options in ARGS
 	$(BIN)/python -m pytest -m slow $(ARGS)
+
+test-gpu: setup ## run the tests that need a CUDA device; without one they are skipped; pytest options in ARGS
+	$(BIN)/python -m pytest -m gpu -rs $(ARGS)
 
 lint: setup ## check style, formatting and which package imports which
 	$(BIN)/ruff check .

@@ -12,6 +12,16 @@ sys.path.insert(0, str(BENCHMARKS))  # its files are scripts, which find one ano
 import engines  # noqa: E402
 
 
+NAMED = {
+    ("engines.py", "one"): set(engines.ENGINES),
+    ("learners.py", "one"): {"ours", "sb3"},
+    ("learners.py", "two"): {"ours", "sb3"},
+    ("gpu.py", "one"): {"sagittal", "mujoco"},
+    ("gpu.py", "two"): {"laptop", "ppo_paper"},
+}
+"""What each file has rows of."""
+
+
 def row(worlds, rate, memory):
     about = {"engine": "mujoco", "worlds": worlds, "threads": 1, "device": "-", "cores": 1, "contacts_dropped": False}
     return about | {"env_steps_per_s": rate, "physics_steps_per_s": None, "bytes": memory}
@@ -32,9 +42,14 @@ def test_the_commands_write_their_files(tmp_path):
     for script, arguments, files in (
         ("engines.py", ["--worlds", "1", "2", "--seconds", "0.05", "--repeats", "1", "--csv", "one"], ["one"]),
         ("learners.py", ["--budget", "2", "--every", "1", "--csv", "one", "--curves", "two", *few], ["one", "two"]),
+        (
+            "gpu.py",
+            ["--device", "cpu", "--worlds", "16", "--samples", "1", "--csv", "one", "--trainings", "two"],
+            ["one", "two"],
+        ),
     ):
         subprocess.run([sys.executable, BENCHMARKS / script, *arguments], cwd=tmp_path, check=True, timeout=600)
         for file in files:
             rows = list(csv.DictReader((tmp_path / file).open()))
-            named = {each.get("engine") or each["learner"] for each in rows}
-            assert named == (set(engines.ENGINES) if script == "engines.py" else {"ours", "sb3"})
+            named = {each.get("engine") or each.get("agent") or each["learner"] for each in rows}
+            assert named == NAMED[script, file]

@@ -29,12 +29,14 @@ class Simulation(Protocol):
         diverged: (N,) bool, worlds whose last step did not lead to finite values below `top_speed`; they need a reset. The
             tensors above then still hold the values before that step, so they are finite.
     geometry: `envs.body.model.Geometry` of the stander.
+    replays_graph: whether a step launches a CUDA graph of its own, which cannot be part of another one.
     """
 
     config: EnvConfig
     num_worlds: int
     device: torch.device
     geometry: Geometry
+    replays_graph: bool = False
     joint_angle: torch.Tensor
     joint_velocity: torch.Tensor
     joint_force: torch.Tensor

@@ -175,6 +175,7 @@ class NewtonMujocoSimulation(Simulation):
         if config.load:
             self.set_subject(load=torch.full((num_worlds,), config.load))
         self._graph: Any = None
+        self.replays_graph = self.device.type == "cuda"
         self._bias_share = bias_share(config, self._solver.mj_model)
         if self._bias_share:
             # MuJoCo Warp calls this between the reference accelerations and the solver.

@@ -10,6 +10,7 @@ from tensordict import TensorDict
 
 from envs.body.joints import BODIES, KINDS
 from envs.config import EnvConfig, Weight, as_plain
+from envs.engines.cuda_graph import CudaGraph
 from envs.engines.factory import simulate
 from envs.task import observations, rewards, terminations
 from envs.task.episodes import FOOT_BODIES, Episodes
@@ -17,6 +18,9 @@ from envs.task.observations import PAST_STEPS, TaskState
 
 _SAVED = {"episode_length_buf": "step"} | {name: name for name in ("episode", "action", "freq", "track", "phase_offset")}
 """Tensors of `Episodes` that later steps depend on, by their names in a saved state."""
+
+LOG = ("/tracking_error_mm", "/cost", "/ended", "/diverged")
+"""What a step measures, under the names that rsl-rl's logger shows."""
 
 
 class HeadTrackingEnv(VecEnv):
@@ -27,7 +31,8 @@ class HeadTrackingEnv(VecEnv):
     steps: () int64, control steps that each world has made in all. training_steps: their number in the whole training, which
     schedules of weights refer to; None outside a training, where weights have their final values.
 
-    On a GPU a step makes the host wait for nothing: resets, draws, time-outs and schedules are computed there.
+    On a GPU a step makes the host wait for nothing: resets, draws, time-outs and schedules are computed there, in a CUDA
+    graph.
     """
 
     def __init__(
@@ -48,6 +53,7 @@ class HeadTrackingEnv(VecEnv):
         self.device = device
         self.sim = simulate(config, self.num_envs, device)
         self.training_steps = training_steps
+        self._graph: CudaGraph | None = None
 
         sim_device = self.sim.device
         limits = torch.tensor(self.sim.geometry.joint_limits, device=sim_device)
@@ -65,47 +71,19 @@ class HeadTrackingEnv(VecEnv):
         and log are those of the state before the step, so all returned values are finite. `log` holds means over the worlds;
         /diverged is the number of worlds that diverged.
         """
-        # 1. Act: one command for the left and the right joint of a kind.
+        if self._graph is None and self.sim.device.type == "cuda":
+            self.warm_up()
+        # One command for the left and the right joint of a kind.
         command = actions.clamp(-1.0, 1.0)
         torch.cat((command, command), dim=-1, out=self.state.action)
-
-        # 2. Physics.
-        self.sim.step(self.config.torque_limit * self.state.action)
-        # A world with a NaN command has diverged: its torque was not applied.
-        self.state.action.nan_to_num_(nan=0.0)
-        self.steps += 1
-
-        # 3. Where head, feet and target are now.
-        self.episodes.advance()
-
-        # 4. Terminations and time-outs.
-        ended = self._ended()
-        time_out = (self.episodes.step >= self.episodes.length) & ~ended
-        done = ended | time_out
-
-        # 5. Reward.
-        reward = self._reward(ended)
-        log = {
-            "/tracking_error_mm": 1e3 * (self.state.target_x - self.state.head_x).abs().mean(),
-            "/cost": self.state.action.square().sum(-1).mean(),
-            "/ended": ended.float().mean(),
-            "/diverged": self.sim.diverged.float().sum(),
-        }
-
-        # 6. New episodes.
-        self._reset(done)
-
-        # 7. Observe.
-        return self.get_observations(), reward, done, {"time_outs": time_out, "log": log}
+        if self.sim.replays_graph:
+            self._move()
+        *groups, reward, done, time_out, log = self._rest_of_step() if self._graph is None else self._graph()
+        return self._named(groups), reward, done, {"time_outs": time_out, "log": dict(zip(LOG, log.unbind(), strict=True))}
 
     def get_observations(self) -> TensorDict:
         """The groups of `env.observations`, each (N, size) with its terms side by side; a group without terms is (N, 0)."""
-        nothing = self.state.action[:, :0]
-        groups = {
-            name: torch.cat([nothing, *(observations.TERMS[term].function(self.state) for term in terms)], dim=-1)
-            for name, terms in self.config.observations.items()
-        }
-        return TensorDict(groups, batch_size=[self.num_envs], device=self.sim.device)
+        return self._named(self._observe())
 
     def follow(self, freq: torch.Tensor) -> None:
         """From its next episode on, world i follows a target of the constant frequency `freq`[i] [Hz], (N,)."""
@@ -114,8 +92,12 @@ class HeadTrackingEnv(VecEnv):
     def warm_up(self) -> None:
         """Compile the kernels of a step and, on a GPU, capture its graph, without moving anything."""
         before = self.state_dict()
-        self.sim.step(torch.zeros_like(self.state.action))
+        if self.sim.replays_graph:
+            self._move()
+        self._rest_of_step()
         self.load_state_dict(before)
+        if self.sim.device.type == "cuda":
+            self._graph = CudaGraph(self._rest_of_step, self.sim.device)
 
     def reset_all(self) -> TensorDict:
         """Begin a new episode in every world."""
@@ -132,7 +114,9 @@ class HeadTrackingEnv(VecEnv):
         """Restore the state of a `state_dict` exactly."""
         self.steps.fill_(state["steps"])
         # Earlier versions saved neither the length of the training nor an offset of the phase, which was 0.
-        self.training_steps = state.get("training_steps", self.training_steps)
+        training_steps = state.get("training_steps", self.training_steps)
+        if training_steps != self.training_steps:
+            self.training_steps, self._graph = training_steps, None
         state = {"phase_offset": torch.zeros_like(self.episodes.freq)} | state
         self.sim.load_state_dict(state["simulation"])
         for name, attribute in _SAVED.items():
@@ -161,6 +145,45 @@ class HeadTrackingEnv(VecEnv):
             target_freq=episodes.target_freq,
             target_past=episodes.track[:, PAST_STEPS::PAST_STEPS],
         )
+
+    def _rest_of_step(self) -> list[torch.Tensor]:
+        """A control step once `state.action` is the command. On a GPU it is captured: its Python code runs once.
+
+        Returns the groups of observations, reward, done and time-outs, (N,), and the values of `LOG`.
+        """
+        if not self.sim.replays_graph:
+            self._move()
+        self.episodes.advance()
+        ended = self._ended()
+        time_out = (self.episodes.step >= self.episodes.length) & ~ended
+        done = ended | time_out
+        reward = self._reward(ended)
+        log = (
+            1e3 * (self.state.target_x - self.state.head_x).abs().mean(),
+            self.state.action.square().sum(-1).mean(),
+            ended.float().mean(),
+            self.sim.diverged.float().sum(),
+        )
+        self._reset(done)
+        return [*self._observe(), reward, done, time_out, torch.stack(log)]
+
+    def _move(self) -> None:
+        """A control step of the physics."""
+        self.sim.step(self.config.torque_limit * self.state.action)
+        # A world with a NaN command has diverged: its torque was not applied.
+        self.state.action.nan_to_num_(nan=0.0)
+        self.steps += 1
+
+    def _observe(self) -> list[torch.Tensor]:
+        nothing = self.state.action[:, :0]
+        return [
+            torch.cat([nothing, *(observations.TERMS[term].function(self.state) for term in terms)], dim=-1)
+            for terms in self.config.observations.values()
+        ]
+
+    def _named(self, groups: list[torch.Tensor]) -> TensorDict:
+        named = dict(zip(self.config.observations, groups, strict=True))
+        return TensorDict(named, batch_size=[self.num_envs], device=self.sim.device)
 
     def _ended(self) -> torch.Tensor:
         """The worlds whose episode ends early, (N,) bool."""
