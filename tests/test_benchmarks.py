@@ -11,7 +11,6 @@ BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 sys.path.insert(0, str(BENCHMARKS))  # its files are scripts, which find one another so
 import engines  # noqa: E402
 
-
 NAMED = {
     ("engines.py", "one"): set(engines.ENGINES),
     ("learners.py", "one"): {"ours", "sb3"},
@@ -38,6 +37,7 @@ def test_rows_by_hand():
 
 @pytest.mark.slow
 def test_the_commands_write_their_files(tmp_path):
+    tiny = ["--device", "cpu", "--worlds", "16", "--samples", "1"]
     few = ["--worlds", "4", "env.physics=mujoco", "agent.algorithm.num_mini_batches=1", "evaluation.duration=12"]
     for script, arguments, files in (
         ("engines.py", ["--worlds", "1", "2", "--seconds", "0.05", "--repeats", "1", "--csv", "one"], ["one"]),
