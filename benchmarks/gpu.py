@@ -5,8 +5,8 @@
 
 For each engine and number of worlds one row: control steps/s of the physics alone, of the whole environment under random
 actions, and of the same without the task's CUDA graph; the GPU's memory that it takes [bytes]; and for the sagittal engine
-training samples/s and the share of learning (policy, value function and PPO update) in them. An iteration has 32 steps and the default
-number of mini-batches, which grow with the worlds.
+training samples/s and the share of learning (policy, value function and PPO update) in them. An iteration has 32 steps and
+the default number of mini-batches, which grow with the worlds.
 
 For each agent one row: seconds of `python -m posture.train` with 8,192 worlds. `--samples 0` leaves the trainings out.
 Each measurement runs in its own process.
