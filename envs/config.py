@@ -4,7 +4,7 @@ No field has a default: a number that is missing from conf/ is an error, not a g
 """
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
@@ -30,7 +30,8 @@ class Strict(BaseModel):
     @field_validator("*", mode="before")
     @classmethod
     def _no_boolean_for_a_number(cls, value: Any, info: ValidationInfo) -> Any:
-        if cls.model_fields[str(info.field_name)].annotation is not bool:
+        annotation = cls.model_fields[str(info.field_name)].annotation
+        if bool not in (annotation, *get_args(annotation)):
             for part in value if isinstance(value, (list, tuple)) else (value,):
                 if isinstance(part, bool):
                     raise ValueError(f"{str(part).lower()} is not allowed here")

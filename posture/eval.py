@@ -93,8 +93,15 @@ def differences(run: TrainConfig, config: EvalConfig) -> list[str]:
         (run.env.model_dump(), config.env.apply_to(run.env)),
         *[(evaluation.model_dump(exclude={"figures"}) for evaluation in (run.evaluation, config.evaluation))],
     ]
-    changed = {key: value for own, tried in pairs for key, value in tried.items() if value != own[key]}
+    changed = {key: _changed(own[key], value) for own, tried in pairs for key, value in tried.items() if value != own[key]}
     return [override_slug(",".join(f"{key}={_text(value)}" for key, value in changed.items()))] if changed else []
+
+
+def _changed(own: object, tried: object) -> object:
+    """What of a changed value is changed."""
+    if not (isinstance(own, dict) and isinstance(tried, dict)):
+        return tried
+    return {key: value for key, value in tried.items() if key not in own or value != own[key]}
 
 
 def _text(value: object) -> str:

@@ -22,10 +22,12 @@ def import_checkpoint(config: ImportConfig, folder: Path) -> None:
     """
     if run_dir.newest_model(folder) is not None:
         raise ConfigError(f"{folder}: holds a checkpoint already; out= names another folder")
+    file = Path(config.file)
+    if run_dir.is_run(file.parent):
+        raise ConfigError(f"{file}: is a checkpoint of a run of posture, which ckpt= and init= take as it is")
     from posture.learning.networks import load_network
     from posture.storage import checkpoint
 
-    file = Path(config.file)
     content = checkpoint.load_unsealed(file)
     index = content.get("iter")
     if type(index) is not int or index < 0:

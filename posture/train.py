@@ -130,7 +130,7 @@ def _learn(
     device = parallel.local_device(config.device)
     torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed + 1_000_003 * rank)
-    begun_from = None if resume or config.init is None else run_dir.find_checkpoint(config.init)
+    begun_from = None if resume or config.init is None else run_dir.find_checkpoint(config.init, "init")
     if rank == 0:
         run_dir.writable(folder)
         if not resume:
@@ -164,7 +164,7 @@ def check(configs: Sequence[TrainConfig], in_sweep: bool) -> None:
         if config.init == "latest" and in_sweep:
             raise ConfigError("init=latest changes during a sweep: name the run")
         if config.init is not None:
-            source = run_dir.read_config(run_dir.find_checkpoint(config.init).parent)
+            source = run_dir.read_config(run_dir.find_checkpoint(config.init, "init").parent)
             for name in ("actor", "critic"):
                 if different := _differences(source, config, name):
                     raise ConfigError(f"init: the {name} of {config.init} has {different}; allowed are equal ones")
@@ -192,7 +192,7 @@ def _check_weights(config: TrainConfig) -> None:
     from posture.storage import checkpoint
 
     assert config.init is not None
-    model = run_dir.find_checkpoint(config.init)
+    model = run_dir.find_checkpoint(config.init, "init")
     content = checkpoint.load(model, "cpu")
     load_network(content, config, "actor", model)
     load_network(content, config, "critic", model)

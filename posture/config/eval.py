@@ -37,6 +37,12 @@ class EvaluationConfig(Strict):
     figures: bool
 
 
+class SolverChanges(Strict):
+    """Changes to `env.solver`; None: as trained."""
+
+    contact_bias: bool | None
+
+
 class EnvChanges(Strict):
     """Changes to the environment of a run under evaluation; None: as trained. ramp "none": constant frequencies."""
 
@@ -46,15 +52,21 @@ class EnvChanges(Strict):
     amplitude: Amplitude | None
     physics: Physics | None
     ramp: Ramp | Literal["none"] | None
+    solver: SolverChanges
 
     def apply_to(self, env: EnvConfig) -> dict[str, Any]:
         """The values of `env` with these changes, to be checked."""
-        values = env.model_dump() | {key: value for key, value in self.model_dump().items() if value is not None}
-        return values | ({"ramp": None} if self.ramp == "none" else {})
+        values, changes = env.model_dump(), self.model_dump()
+        values["solver"] |= _given(changes.pop("solver"))
+        return values | _given(changes) | ({"ramp": None} if self.ramp == "none" else {})
 
     def ramps(self, env: EnvConfig) -> bool:
         """Whether the frequency of the target changes in `env` with these changes."""
         return (self.ramp or env.ramp or "none") != "none"
+
+
+def _given(changes: dict[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in changes.items() if value is not None}
 
 
 class LqrConfig(Strict):
@@ -90,7 +102,11 @@ class EvalConfig(CommandConfig):
         if self.policy == "trained":
             return ramp | {"lqr": "with policy=trained"}
         own = (*LQR_ENV, "termination.foot_motion", "termination.head_tolerance")
-        changed = {f"lqr.env.{key}": f"beside env.{key}" for key, value in self.env if value is not None}
+        given = [
+            *_given(self.env.model_dump(exclude={"solver"})),
+            *(f"solver.{key}" for key in _given(dict(self.env.solver))),
+        ]
+        changed = {f"lqr.env.{key}": f"beside env.{key}" for key in given}
         return dict.fromkeys(("ckpt", "again", *(f"lqr.env.{key}" for key in own)), "with policy=lqr") | changed
 
     @model_validator(mode="after")

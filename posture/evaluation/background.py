@@ -86,7 +86,8 @@ class Background:
         self._wait(writer)
         if signals.pending():
             return False
-        return has_plateaued([one for one in scores(self._run, self._config) if one.iteration < done], patience)
+        earlier = [one for one in scores(self._run, self._config) if one.iteration < done and one.iteration % every == 0]
+        return has_plateaued(earlier, patience)
 
     def finish(self, writer: Any = None) -> None:
         """Wait until everything has ended."""

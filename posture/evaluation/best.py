@@ -52,13 +52,10 @@ def evaluation_folder(run: Path, config: TrainConfig, iteration: int) -> Path:
 
 
 def scores(run: Path, config: TrainConfig) -> list[Score]:
-    """The figures of the checkpoints that were evaluated as `config` says, in the order of their iterations: those after a
-    multiple of `evaluate_every` iterations, and the newest."""
+    """The figures of the checkpoints that were evaluated as `config` says, in the order of their iterations."""
     found, newest = [], run_dir.newest_model(run)
     for model in sorted(run_dir.models(run), key=run_dir.iteration_of):
         iteration = run_dir.iteration_of(model)
-        if config.evaluate_every is None or (iteration % config.evaluate_every and model != newest):
-            continue
         places = [evaluation_folder(run, config, iteration), *([run / "evaluation"] if model == newest else [])]
         for place in places:
             if is_current(place, model, config, config.evaluation, AS_TRAINED, config.device):

@@ -21,7 +21,7 @@ from posture.analysis.table import evaluation_columns, markdown_table, text_tabl
 from posture.analysis.trajectory import Trajectory
 from posture.config.checks import check_engine
 from posture.config.errors import ConfigError
-from posture.config.eval import EnvChanges, EvaluationConfig, LqrConfig, check_trial
+from posture.config.eval import EnvChanges, EvaluationConfig, LqrConfig, SolverChanges, check_trial
 from posture.config.published import Table3, read_published
 from posture.config.reading import read
 from posture.config.train import TrainConfig
@@ -37,7 +37,9 @@ from posture.theory.prediction import predict
 from posture.theory.program import InfeasibleError
 from posture.theory.stander import linearise
 
-AS_TRAINED = EnvChanges(hip_k=None, ankle_k=None, load=None, amplitude=None, physics=None, ramp=None)
+AS_TRAINED = EnvChanges(
+    hip_k=None, ankle_k=None, load=None, amplitude=None, physics=None, ramp=None, solver=SolverChanges(contact_bias=None)
+)
 RESULTS = ("trajectories.npz", "metrics.csv")
 """Files that are read again; trial.yaml has their digests."""
 FILES = (*RESULTS, "table.md", "trial.yaml")

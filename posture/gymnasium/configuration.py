@@ -1,5 +1,6 @@
 """From the arguments of `gymnasium.make` and `make_vec` to a checked configuration."""
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -17,6 +18,8 @@ def configure(num_envs: int, env: str, training_steps: int | None, keys: Mapping
     """
     if "num_envs" in keys:
         raise ValueError("num_envs: gymnasium.make makes one stander; make_vec takes num_envs")
+    if not isinstance(env, str) or not re.fullmatch(r"[\w-]+", env):
+        raise ValueError(f"env = {env!r:.100}: allowed is the name of a file of conf/env, such as 'head_tracking'")
     values = {"env": {**keys, "num_envs": num_envs}, "training_steps": training_steps}
     try:
         config = jobs.compose("gymnasium", GymnasiumConfig, f"env={env}", values=values)

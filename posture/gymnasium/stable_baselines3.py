@@ -16,6 +16,8 @@ class StanderVecEnv(VecEnv):
     """`gymnasium.make_vec` with `num_envs` worlds and `keys`, as SB3 takes it; all worlds are stepped at once."""
 
     def __init__(self, num_envs: int, **keys: Any) -> None:
+        if "autoreset_mode" in keys:
+            raise ValueError("autoreset_mode: Stable-Baselines3 needs SameStep; leave it out")
         self.envs = gymnasium.make_vec(ID, num_envs, autoreset_mode=AutoresetMode.SAME_STEP.value, **keys)
         self.render_mode = self.envs.render_mode
         self.metadata = self.envs.metadata

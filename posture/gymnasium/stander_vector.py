@@ -30,13 +30,13 @@ class StanderVectorEnv(VectorEnv[Array, Array, NDArray[Any]]):
     ) -> None:
         """As `StanderEnv`. `autoreset_mode`: NextStep, in which an ended world ignores its next action and begins an episode
         in that step, or SameStep, in which it begins at once, and infos["final_obs"] has its last observation."""
-        allowed = {name: mode for mode in MODES for name in (mode, mode.value)}
-        if autoreset_mode not in allowed:
+        mode = next((mode for mode in MODES if autoreset_mode in (mode, mode.value)), None)
+        if mode is None:
             raise ValueError(f"autoreset_mode = {autoreset_mode}: allowed is {' or '.join(mode.value for mode in MODES)}")
         self.render_mode = check_render_mode(render_mode)
         self._worlds = Worlds(configure(num_envs, env, training_steps, keys))
         self._worlds.reseed_from(self.np_random)
-        self._mode = allowed[autoreset_mode]
+        self._mode = mode
         self.num_envs = self._worlds.num_envs
         self.metadata = {
             **self.metadata,

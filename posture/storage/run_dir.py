@@ -109,11 +109,11 @@ def find_checkpoints(name: str, wanted: Callable[[Path], bool] | None = None) ->
     return [model for model in found if model is not None]
 
 
-def find_checkpoint(name: str) -> Path:
-    """The only checkpoint file that `ckpt=name` selects. Raises ConfigError if there are several, or none."""
+def find_checkpoint(name: str, key: str = "ckpt") -> Path:
+    """The only checkpoint file that `key`=name selects. Raises ConfigError if there are several, or none."""
     models = find_checkpoints(name)
     if len(models) > 1:
-        raise ConfigError(f"ckpt: {name} holds {len(models)} policies; allowed is one, for example {models[0]}")
+        raise ConfigError(f"{key}: {name} holds {len(models)} policies; allowed is one, for example {models[0]}")
     return models[0]
 
 

@@ -64,6 +64,11 @@ def test_what_does_not_fit_is_refused_and_nothing_is_written(stock, monkeypatch,
     assert not Path("run").exists()
 
 
+def test_a_checkpoint_of_our_own_run_is_refused(sound, monkeypatch, capsys):
+    line = refused(monkeypatch, capsys, "import_checkpoint", f"file={sound / 'model_2.pt'}", "out=run")
+    assert "is a checkpoint of a run of posture, which ckpt= and init= take as it is" in line
+
+
 def test_a_pickle_that_would_run_code_is_refused_and_runs_none(stock, monkeypatch, capsys):
     class Trap:
         def __reduce__(self):

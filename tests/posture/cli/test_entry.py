@@ -160,6 +160,19 @@ def test_eval_by_file_folder_and_latest_agree(trained, monkeypatch, capsys):
     assert "fell" in capsys.readouterr().out
 
 
+def test_eval_may_take_the_contacts_of_mujoco(trained, monkeypatch, capsys):
+    call(monkeypatch, "eval", f"ckpt={trained}", "env.solver.contact_bias=false", *EVALUATION, *NO_FIGURES)
+    (folder,) = trained.glob("evaluation_solver*")
+    assert folder.name == "evaluation_solver-contact_bias-False"
+    solver = yaml.safe_load((folder / "trial.yaml").read_text())["env"]["solver"]
+    assert solver["contact_bias"] is False and solver["substeps"] == 2
+    line = refused(monkeypatch, capsys, "eval", f"ckpt={trained}", "env.solver.contact_bias=5")
+    assert "env.solver.contact_bias = 5" in line
+    lqr = ["policy=lqr", "env.solver.contact_bias=false", "lqr.env.solver.contact_bias=true"]
+    line = refused(monkeypatch, capsys, "eval", *lqr)
+    assert "lqr.env.solver.contact_bias: has no effect beside env.solver.contact_bias" in line
+
+
 def test_eval_may_change_the_subject(trained, monkeypatch):
     before = (trained / "evaluation" / "metrics.csv").read_bytes()
     call(

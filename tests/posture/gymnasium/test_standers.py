@@ -183,6 +183,8 @@ def test_seeds_of_the_vector_environment():
         ({"hipk": 50}, "env.hipk: no such key"),
         ({"reward": {"stay": 1}}, "env.reward.stay: no such key"),
         ({"env": "papers"}, "env/papers.* authors_code fixed_reward head_tracking paper"),
+        ({"env": "paper,authors_code"}, "env = 'paper,authors_code': allowed is the name of a file of conf/env"),
+        ({"env": {"freq": 1}}, "env = {'freq': 1}: allowed is the name of a file of conf/env"),
         ({"training_steps": 0}, "training_steps = 0: must be greater than or equal to 1"),
         ({"training_steps": 10}, "training_steps: has no effect where no weight is a schedule"),
         ({"num_envs": 5}, "make_vec takes num_envs"),
@@ -203,6 +205,8 @@ def test_bad_values_are_refused(arguments, message):
 def test_bad_values_of_make_vec():
     with pytest.raises(ValueError, match="autoreset_mode = Disabled: allowed is NextStep or SameStep"):
         gymnasium.make_vec(ID, 2, autoreset_mode="Disabled")
+    with pytest.raises(ValueError, match=r"autoreset_mode = \[\]: allowed is NextStep or SameStep"):
+        gymnasium.make_vec(ID, 2, autoreset_mode=[])
     with pytest.raises(ValueError, match="env.num_envs = 0: must be greater than or equal to 1"):
         gymnasium.make_vec(ID, 0)
     with pytest.raises(ValueError, match="reshape"):
