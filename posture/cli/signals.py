@@ -84,4 +84,4 @@ def _handle(number: int, frame: FrameType | None) -> None:
         raise Stopped(number)
     _pending = number
     with contextlib.suppress(OSError):  # not print, which the signal may have interrupted
-        os.write(2, b"\nwill stop after this iteration and save; a second signal stops at once\n")
+        os.write(2, b"\nwill stop once this iteration is saved; a second signal stops at once\n")
