@@ -17,10 +17,17 @@ from envs.engines.contact_bias import bias_share, sole_contact, stiffness_and_da
 from envs.engines.interface import SUBJECT, Simulation, top_speed
 from envs.engines.launch import Launch
 from envs.engines.sagittal_contact import Softness, vec5
-from envs.engines.sagittal_kernel import Body, advance, reset, write_all_outputs
+from envs.engines.sagittal_kernel import Body, Worlds, advance, reset, write_all_outputs
 
-_OUTPUT_TYPES = (wp.float32, wp.float32, wp.transform, wp.spatial_vector)
-"""The kernel's types of joint angles and velocities, and of poses and velocities of bodies."""
+_TYPES = {
+    **dict.fromkeys(("_q", "_qd", "_qdd"), vec5),
+    "diverged": wp.bool,
+    **dict.fromkeys(("joint_angle", "joint_velocity", "joint_force"), wp.float32),
+    "body_pose": wp.transform,
+    "body_velocity": wp.spatial_vector,
+    **dict.fromkeys(("sole_force", "sole_position"), wp.vec3),
+}
+"""Warp's types of the tensors that a step changes."""
 
 
 class SagittalSimulation(Simulation):
@@ -70,15 +77,13 @@ class SagittalSimulation(Simulation):
         self.joint_angle, self.joint_velocity, self.joint_force = (zeros(len(JOINTS)) for _ in range(3))
         self.body_pose, self.body_velocity = zeros(len(BODIES), 7), zeros(len(BODIES), 6)
         self.sole_force, self.sole_position = zeros(len(FEET), 2, 3), zeros(len(FEET), 2, 3)
-        self._outputs = (self.joint_angle, self.joint_velocity, self.body_pose, self.body_velocity)
         self._reset_mask = zeros(dtype=torch.bool)
 
     def _record_launches(self) -> None:
         config, n, device = self.config, self.num_worlds, self.device
-        state = [wp.from_torch(tensor, dtype=vec5) for tensor in (self._q, self._qd, self._qdd)]
-        outputs = [wp.from_torch(tensor, dtype=dtype) for tensor, dtype in zip(self._outputs, _OUTPUT_TYPES, strict=True)]
-        sole = [wp.from_torch(tensor, dtype=wp.vec3) for tensor in (self.sole_force, self.sole_position)]
-        changed = [*state, wp.from_torch(self.diverged), wp.from_torch(self.joint_force), *outputs, *sole]
+        worlds = Worlds()
+        for name, dtype in _TYPES.items():
+            setattr(worlds, name.removeprefix("_"), wp.from_torch(getattr(self, name), dtype=dtype))
         step = [
             config.solver.substeps,
             config.control_dt / config.solver.substeps,
@@ -89,9 +94,9 @@ class SagittalSimulation(Simulation):
             *(wp.from_torch(getattr(self, name)) for name in SUBJECT),
             wp.from_torch(self._inv_weight, dtype=wp.vec3),
         ]
-        self._advance = Launch(advance, n, step, changed, device)
-        self._reset = Launch(reset, n, [self._body, self._start, wp.from_torch(self._reset_mask)], changed, device)
-        self._write_outputs = Launch(write_all_outputs, n, [self._body, *state[:2]], outputs, device)
+        self._advance = Launch(advance, n, step, [worlds], device)
+        self._reset = Launch(reset, n, [self._body, self._start, wp.from_torch(self._reset_mask)], [worlds], device)
+        self._write_outputs = Launch(write_all_outputs, n, [self._body], [worlds], device)
 
     def _inv_weights(self, load: float) -> list[float]:
         """MuJoCo's body_invweight0 of a foot [1/kg], dof_invweight0 of hip and ankle [1/(kg m2)], with `load` [kg].

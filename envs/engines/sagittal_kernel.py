@@ -85,6 +85,23 @@ class Body:
     limit: Softness
 
 
+@wp.struct
+class Worlds:
+    """The arrays of `SagittalSimulation` that a step changes: coordinates, and what `Simulation` has of each world."""
+
+    q: wp.array[vec5]
+    qd: wp.array[vec5]
+    qdd: wp.array[vec5]
+    diverged: wp.array[wp.bool]
+    joint_angle: wp.array2d[float]
+    joint_velocity: wp.array2d[float]
+    joint_force: wp.array2d[float]
+    body_pose: wp.array2d[wp.transform]
+    body_velocity: wp.array2d[wp.spatial_vector]
+    sole_force: wp.array3d[wp.vec3]
+    sole_position: wp.array3d[wp.vec3]
+
+
 @wp.func
 def rotated(v: wp.vec2, c: float, s: float) -> wp.vec2:
     return wp.vec2(v[0] * c + v[1] * s, v[1] * c - v[0] * s)
@@ -110,25 +127,15 @@ def write_body(
     pitch: float,
     velocity: wp.vec2,
     rate: float,
-    body_pose: wp.array2d[wp.transform],
-    body_velocity: wp.array2d[wp.spatial_vector],
+    worlds: Worlds,
 ) -> None:
     turn = wp.quat(0.0, wp.sin(0.5 * pitch), 0.0, wp.cos(0.5 * pitch))
-    body_pose[world, index] = wp.transform(wp.vec3(at[0], side, at[1]), turn)
-    body_velocity[world, index] = wp.spatial_vector(velocity[0], 0.0, velocity[1], 0.0, rate, 0.0)
+    worlds.body_pose[world, index] = wp.transform(wp.vec3(at[0], side, at[1]), turn)
+    worlds.body_velocity[world, index] = wp.spatial_vector(velocity[0], 0.0, velocity[1], 0.0, rate, 0.0)
 
 
 @wp.func
-def write_outputs(
-    world: int,
-    body: Body,
-    at: vec5,
-    speed: vec5,
-    joint_angle: wp.array2d[float],
-    joint_velocity: wp.array2d[float],
-    body_pose: wp.array2d[wp.transform],
-    body_velocity: wp.array2d[wp.spatial_vector],
-) -> None:
+def write_outputs(world: int, body: Body, at: vec5, speed: vec5, worlds: Worlds) -> None:
     """Joints and bodies of one world, in the order of `envs.body.model`, from the planar coordinates."""
     c1 = wp.cos(at[2])
     s1 = wp.sin(at[2])
@@ -147,15 +154,15 @@ def write_outputs(
     hat_v += turning_velocity(body.hat_com, c1, s1, speed[2])
     leg_v = hip_v + turning_velocity(body.leg_com, c2, s2, speed[3])
     foot_v = ankle_v + turning_velocity(body.foot_com, c3, s3, speed[4])
-    write_body(world, 0, hat, 0.0, at[2], hat_v, speed[2], body_pose, body_velocity)
+    write_body(world, 0, hat, 0.0, at[2], hat_v, speed[2], worlds)
     for side in range(2):
         y = 1.0 - 2.0 * float(side)
-        write_body(world, 1 + 2 * side, leg, y * body.half_width[0], at[3], leg_v, speed[3], body_pose, body_velocity)
-        write_body(world, 2 + 2 * side, foot, y * body.half_width[1], at[4], foot_v, speed[4], body_pose, body_velocity)
-        joint_angle[world, 2 * side] = at[3] - at[2]
-        joint_angle[world, 2 * side + 1] = at[4] - at[3]
-        joint_velocity[world, 2 * side] = speed[3] - speed[2]
-        joint_velocity[world, 2 * side + 1] = speed[4] - speed[3]
+        write_body(world, 1 + 2 * side, leg, y * body.half_width[0], at[3], leg_v, speed[3], worlds)
+        write_body(world, 2 + 2 * side, foot, y * body.half_width[1], at[4], foot_v, speed[4], worlds)
+        worlds.joint_angle[world, 2 * side] = at[3] - at[2]
+        worlds.joint_angle[world, 2 * side + 1] = at[4] - at[3]
+        worlds.joint_velocity[world, 2 * side] = speed[3] - speed[2]
+        worlds.joint_velocity[world, 2 * side + 1] = speed[4] - speed[3]
 
 
 @wp.kernel(enable_backward=False)
@@ -170,17 +177,7 @@ def advance(
     ankle_k: wp.array[float],
     load: wp.array[float],
     inv_weight: wp.array[wp.vec3],
-    q: wp.array[vec5],
-    qd: wp.array[vec5],
-    qdd: wp.array[vec5],
-    diverged: wp.array[wp.bool],
-    joint_force: wp.array2d[float],
-    joint_angle: wp.array2d[float],
-    joint_velocity: wp.array2d[float],
-    body_pose: wp.array2d[wp.transform],
-    body_velocity: wp.array2d[wp.spatial_vector],
-    sole_force: wp.array3d[wp.vec3],
-    sole_position: wp.array3d[wp.vec3],
+    worlds: Worlds,
 ) -> None:
     """`substeps` steps of `dt` [s] for each world; torque (N, 4), each side's actuator torques [Nm].
 
@@ -196,9 +193,9 @@ def advance(
     armature = 2.0 * body.joint_armature
     mu = body.friction
     g = body.gravity
-    at = q[world]
-    speed = qd[world]
-    guess = qdd[world]
+    at = worlds.q[world]
+    speed = worlds.qd[world]
+    guess = worlds.qdd[world]
 
     m1 = body.hat_mass + load[world]
     below = body.leg_mass + body.foot_mass
@@ -340,72 +337,49 @@ def advance(
 
     # A diverged world is marked, and its state stays as before the step.
     finite_and_slow = wp.max(wp.abs(speed)) < top_speed and wp.isfinite(speed) and wp.isfinite(at)
-    diverged[world] = not finite_and_slow
+    worlds.diverged[world] = not finite_and_slow
     if not finite_and_slow:
         return
-    q[world] = at
-    qd[world] = speed
-    qdd[world] = guess
-    write_outputs(world, body, at, speed, joint_angle, joint_velocity, body_pose, body_velocity)
+    worlds.q[world] = at
+    worlds.qd[world] = speed
+    worlds.qdd[world] = guess
+    write_outputs(world, body, at, speed, worlds)
     # The rows of friction include mu; each side has half of the force.
     heel_force = wp.vec3(0.5 * mu * forces[1], 0.0, 0.5 * forces[0])
     toe_force = wp.vec3(0.5 * mu * forces[3], 0.0, 0.5 * forces[2])
     heel_local = rotated(heel_at, foot_c, -foot_s) - body.foot_frame
     toe_local = rotated(toe_at, foot_c, -foot_s) - body.foot_frame
     for foot in range(2):
-        sole_force[world, foot, 0] = heel_force
-        sole_force[world, foot, 1] = toe_force
-        sole_position[world, foot, 0] = wp.vec3(heel_local[0], 0.0, heel_local[1])
-        sole_position[world, foot, 1] = wp.vec3(toe_local[0], 0.0, toe_local[1])
-        joint_force[world, 2 * foot] = 0.5 * hip_moment
-        joint_force[world, 2 * foot + 1] = 0.5 * ankle_moment
+        worlds.sole_force[world, foot, 0] = heel_force
+        worlds.sole_force[world, foot, 1] = toe_force
+        worlds.sole_position[world, foot, 0] = wp.vec3(heel_local[0], 0.0, heel_local[1])
+        worlds.sole_position[world, foot, 1] = wp.vec3(toe_local[0], 0.0, toe_local[1])
+        worlds.joint_force[world, 2 * foot] = 0.5 * hip_moment
+        worlds.joint_force[world, 2 * foot + 1] = 0.5 * ankle_moment
 
 
 @wp.kernel(enable_backward=False)
-def reset(
-    body: Body,
-    start: vec5,
-    mask: wp.array[wp.bool],
-    q: wp.array[vec5],
-    qd: wp.array[vec5],
-    qdd: wp.array[vec5],
-    diverged: wp.array[wp.bool],
-    joint_force: wp.array2d[float],
-    joint_angle: wp.array2d[float],
-    joint_velocity: wp.array2d[float],
-    body_pose: wp.array2d[wp.transform],
-    body_velocity: wp.array2d[wp.spatial_vector],
-    sole_force: wp.array3d[wp.vec3],
-    sole_position: wp.array3d[wp.vec3],
-) -> None:
+def reset(body: Body, start: vec5, mask: wp.array[wp.bool], worlds: Worlds) -> None:
     """Put the worlds of `mask` at rest with the planar coordinates `start`."""
     world = wp.tid()
     if not mask[world]:
         return
     rest = vec5()
-    q[world] = start
-    qd[world] = rest
-    qdd[world] = rest
-    diverged[world] = False
-    write_outputs(world, body, start, rest, joint_angle, joint_velocity, body_pose, body_velocity)
+    worlds.q[world] = start
+    worlds.qd[world] = rest
+    worlds.qdd[world] = rest
+    worlds.diverged[world] = False
+    write_outputs(world, body, start, rest, worlds)
     for foot in range(2):
-        joint_force[world, 2 * foot] = 0.0
-        joint_force[world, 2 * foot + 1] = 0.0
+        worlds.joint_force[world, 2 * foot] = 0.0
+        worlds.joint_force[world, 2 * foot + 1] = 0.0
         for end in range(2):
-            sole_force[world, foot, end] = wp.vec3()
-            sole_position[world, foot, end] = wp.vec3()
+            worlds.sole_force[world, foot, end] = wp.vec3()
+            worlds.sole_position[world, foot, end] = wp.vec3()
 
 
 @wp.kernel(enable_backward=False)
-def write_all_outputs(
-    body: Body,
-    q: wp.array[vec5],
-    qd: wp.array[vec5],
-    joint_angle: wp.array2d[float],
-    joint_velocity: wp.array2d[float],
-    body_pose: wp.array2d[wp.transform],
-    body_velocity: wp.array2d[wp.spatial_vector],
-) -> None:
+def write_all_outputs(body: Body, worlds: Worlds) -> None:
     """Joints and bodies of every world from its planar coordinates."""
     world = wp.tid()
-    write_outputs(world, body, q[world], qd[world], joint_angle, joint_velocity, body_pose, body_velocity)
+    write_outputs(world, body, worlds.q[world], worlds.qd[world], worlds)
