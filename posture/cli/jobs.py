@@ -12,6 +12,7 @@ import json
 import math
 import os
 import re
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -129,6 +130,9 @@ def check(name: str, kind: type[BaseModel], argv: Sequence[str]) -> Command:
                 raise ConfigError("several values for one key make a sweep: add -m, or write a list as [a,b]")
             config = _checked(kind, common)
             _check_effect([config], fixed)
+            swept = set(common.hydra.sweeper.get("params") or {}) - {override.key_or_group for override in fixed}
+            if swept:
+                print(f"one job: the experiment's values of {', '.join(sorted(swept))} need -m", file=sys.stderr)
             folder = str(common.hydra.run.dir)
             if folder:  # without one, an evaluation may be started in a folder that is read-only
                 _check_writable(config, Path(folder))

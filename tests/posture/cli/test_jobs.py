@@ -49,6 +49,13 @@ def test_the_command_line_narrows_an_experiment(experiment, narrowed, count):
     assert len(jobs) == count and {getattr(job.config.env, key) for job in jobs} == {float(value)}
 
 
+def test_one_job_of_an_experiment_says_that_it_is_one(capsys):
+    assert len(jobs_of("experiment=energy", "seed=1")) == 1
+    assert capsys.readouterr().err == "one job: the experiment's values of env.energy_weight need -m\n"
+    assert len(jobs_of("experiment=energy", "seed=1", "env.energy_weight=5")) == 1
+    assert capsys.readouterr().err == ""
+
+
 def test_part_of_a_sweep_has_the_folders_of_the_whole():
     (one,) = jobs_of("-m", "experiment=energy", "env.energy_weight=5", "seed=2")
     two = jobs_of("-m", "experiment=energy", "env.energy_weight=0,5", "seed=2")
