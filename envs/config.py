@@ -47,6 +47,9 @@ Amplitude = Annotated[float, Field(ge=0.001, le=2)]
 HipStiffness = Annotated[float, Field(ge=0, le=2000)]
 AnkleStiffness = Annotated[float, Field(ge=0, le=400)]
 Load = Annotated[float, Field(ge=0, le=50)]
+JointDamping = Annotated[float, Field(ge=0, le=1000)]
+Friction = Annotated[float, Field(ge=0.01, le=5)]
+HeadTolerance = Annotated[float, Field(gt=0, le=2)]
 Sharpness = Annotated[float, Field(gt=0, le=10_000)]
 Physics = Literal["sagittal", "mujoco", "mujoco_c"]
 
@@ -99,7 +102,7 @@ class RewardConfig(Strict):
     target_weight: Weight
     target_sharpness: Sharpness
     alive: Weight
-    tolerance: Annotated[float, Field(gt=0, le=2)]
+    tolerance: HeadTolerance
     tolerance_weight: Annotated[float, Field(ge=0, le=1e6)]
     joint_limit_weight: Annotated[float, Field(ge=0, le=10_000)]
     torque_unit: Literal["newton_metre", "normalised"]
@@ -113,7 +116,7 @@ class TerminationConfig(Strict):
 
     fall_height: Annotated[float, Field(gt=0, le=1.2)]  # the torso is at 1.29 m when upright
     foot_motion: Annotated[float, Field(gt=0, le=1)] | None
-    head_tolerance: Annotated[float, Field(gt=0, le=2)] | None
+    head_tolerance: HeadTolerance | None
 
 
 class SolverConfig(Strict):
@@ -127,8 +130,40 @@ class SolverConfig(Strict):
     contact_bias: bool
 
 
+class Ranges(Strict):
+    """What a training draws for each episode of each world, [low, high]; None: always the value of the key itself."""
+
+    hip_k: tuple[HipStiffness, HipStiffness] | None
+    ankle_k: tuple[AnkleStiffness, AnkleStiffness] | None
+    load: tuple[Load, Load] | None
+    amplitude: tuple[Amplitude, Amplitude] | None
+    joint_damping: tuple[JointDamping, JointDamping] | None
+    friction: tuple[Friction, Friction] | None
+    tolerance: tuple[HeadTolerance, HeadTolerance] | None
+
+    @property
+    def given(self) -> dict[str, tuple[float, float]]:
+        """The ranges, by name."""
+        return {name: bounds for name, bounds in self if bounds is not None}
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "Ranges":
+        for name, (low, high) in self.given.items():
+            if not low <= high:
+                raise ValueError(f"{name}: a range goes from low to high, got [{low:g}, {high:g}]")
+        return self
+
+
+RANGE_KEYS = {name: f"reward.{name}" if name == "tolerance" else name for name in Ranges.model_fields}
+"""Keys of `EnvConfig` that take a range, by its name in `Ranges`."""
+
+
 class EnvConfig(Strict):
-    """The head-tracking task. Units and sources are in conf/env/head_tracking.yaml."""
+    """The head-tracking task. Units and sources are in conf/env/head_tracking.yaml.
+
+    A key of `RANGE_KEYS` may be given as [low, high], which is kept in `ranges`. The key itself is then the middle: the
+    value of a trial that gives none.
+    """
 
     num_envs: Annotated[int, Field(ge=1, le=1_000_000)]
     freq: Freq | tuple[Freq, Freq]
@@ -138,15 +173,16 @@ class EnvConfig(Strict):
     hip_k: HipStiffness
     ankle_k: AnkleStiffness
     load: Load
+    ranges: Ranges
     energy_weight: Annotated[float, Field(ge=0, le=10_000)] | Schedule
 
     physics: Physics
     control_dt: Annotated[float, Field(ge=1e-5, le=0.1)]
     episode_steps: Steps | tuple[Steps, Steps]
-    joint_damping: Annotated[float, Field(ge=0, le=1000)]
+    joint_damping: JointDamping
     joint_armature: Annotated[float, Field(ge=0, le=10)]
     torque_limit: Annotated[float, Field(ge=1, le=500)]
-    friction: Annotated[float, Field(ge=0.01, le=5)]
+    friction: Friction
     observations: Annotated[
         dict[
             Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")],
@@ -158,6 +194,23 @@ class EnvConfig(Strict):
     reward: RewardConfig
     termination: TerminationConfig
     solver: SolverConfig
+
+    @model_validator(mode="before")
+    @classmethod
+    def _ranges_of_keys(cls, values: Any) -> Any:
+        """Move a range that is given as the value of a key to `ranges`."""
+        if not isinstance(values, dict) or not isinstance(values.get("ranges"), (dict, Ranges)):
+            return values
+        reward = values.get("reward")
+        parts = {"": dict(values), "reward": dict(reward) if isinstance(reward, dict) else {}}
+        ranges = dict(values["ranges"])
+        for name, key in RANGE_KEYS.items():
+            part, value = parts[key.rpartition(".")[0]], None
+            if isinstance(value := part.get(name), (list, tuple)):
+                if len(value) != 2 or not all(type(bound) in (int, float) for bound in value):
+                    raise ValueError(f"{key} = {list(value)}: allowed is a number, or a range [low, high]")
+                ranges[name], part[name] = tuple(value), sum(value) / 2
+        return parts[""] | {"ranges": ranges} | ({"reward": parts["reward"]} if isinstance(reward, dict) else {})
 
     @model_validator(mode="after")
     def _consistent(self) -> "EnvConfig":
@@ -180,12 +233,13 @@ class EnvConfig(Strict):
         check_followed(self.highest_freq, self.control_dt, "freq" if self.ramp is None else "ramp")
         tolerances = {"termination.head_tolerance": self.termination.head_tolerance or 0.0}
         if self.reward.tolerance_weight:
-            tolerances["reward.tolerance"] = self.reward.tolerance
+            tolerances["reward.tolerance"] = max([self.reward.tolerance, *(self.ranges.tolerance or ())])
+        smallest = min([self.amplitude, *(self.ranges.amplitude or ())])
         for key, tolerance in tolerances.items():
-            if tolerance > self.amplitude:
+            if tolerance > smallest:
                 raise ValueError(
                     f"{key}: {tolerance:g} m leaves the head no motion to make; allowed is at most the target's amplitude "
-                    f"of {self.amplitude:g} m"
+                    f"of {smallest:g} m"
                 )
         return self
 
@@ -197,7 +251,8 @@ class EnvConfig(Strict):
         elif not isinstance(self.freq, tuple):
             unused[f"{prefix}freq_draw"] = f"with one {prefix}freq"
         if self.reward.tolerance_weight == 0:
-            unused[f"{prefix}reward.tolerance"] = f"with {prefix}reward.tolerance_weight=0"
+            keys = (f"{prefix}reward.tolerance", f"{prefix}ranges.tolerance")
+            unused |= dict.fromkeys(keys, f"with {prefix}reward.tolerance_weight=0")
         return unused
 
     @property

@@ -1,6 +1,7 @@
 """The interface of the physics engines."""
 
 import math
+from collections.abc import Iterable
 from typing import Protocol
 
 import torch
@@ -8,8 +9,8 @@ import torch
 from envs.body.model import Geometry
 from envs.config import EnvConfig
 
-SUBJECT = ("hip_k", "ankle_k", "load")
-"""Properties that may differ between worlds."""
+SUBJECT = ("hip_k", "ankle_k", "load", "joint_damping", "friction")
+"""Properties that may differ between worlds, by their keys in the configuration."""
 
 
 class Simulation(Protocol):
@@ -25,7 +26,7 @@ class Simulation(Protocol):
         sole_force: (N, 2, 2, 3) force of the ground on left and right foot at heel and toe, world frame [N], as of the
             last substep; zero after a reset, before the first step.
         sole_position: (N, 2, 2, 3) where it acts, in the foot frame [m]; without meaning where there is no force.
-        hip_k, ankle_k, load: (N,) [Nm/rad per joint], [Nm/rad per joint], [kg].
+        hip_k, ankle_k [Nm/rad per joint], load [kg], joint_damping [Nm s/rad per joint], friction [-]: (N,).
         diverged: (N,) bool, worlds whose last step did not lead to finite values below `top_speed`; they need a reset. The
             tensors above then still hold the values before that step, so they are finite.
     geometry: `envs.body.model.Geometry` of the stander.
@@ -47,6 +48,8 @@ class Simulation(Protocol):
     hip_k: torch.Tensor
     ankle_k: torch.Tensor
     load: torch.Tensor
+    joint_damping: torch.Tensor
+    friction: torch.Tensor
     diverged: torch.Tensor
 
     def step(self, torque: torch.Tensor) -> None:
@@ -59,27 +62,21 @@ class Simulation(Protocol):
         new one.
         """
 
-    def set_subject(
-        self,
-        hip_k: torch.Tensor | None = None,
-        ankle_k: torch.Tensor | None = None,
-        load: torch.Tensor | None = None,
-    ) -> None:
-        """Give each world its own hip and ankle stiffness, (N,) [Nm/rad per joint], and added load, (N,) [kg].
+    def set_subject(self, **changes: torch.Tensor) -> None:
+        """Give each world its own values of some of `SUBJECT`, (N,).
 
         The load is a point mass at the centre of mass of the HAT: it adds mass and no inertia about that centre.
         """
-        given = {"hip_k": hip_k, "ankle_k": ankle_k, "load": load}
-        changes = {name: value for name, value in given.items() if value is not None}
         for name, value in changes.items():
             if value.shape != (self.num_worlds,) or not bool((value >= 0).all()) or not bool(value.isfinite().all()):
                 raise ValueError(f"{name}: expected {self.num_worlds} finite values of at least 0, one per world")
         for name, value in changes.items():
             getattr(self, name).copy_(value)
-        if hip_k is not None or ankle_k is not None:
-            self._apply_stiffness()
-        if load is not None:
-            self._apply_load()
+        self._apply(changes)
+
+    def apply_drawn(self, names: Iterable[str]) -> None:
+        """Take over values of `SUBJECT` that were written into their tensors on the device, without waiting for it."""
+        self._apply(names)
 
     def check_capacity(self) -> None:
         """Raise `ConstraintOverflowError`, which states the size needed, if contacts or constraint rows were dropped in any
@@ -91,16 +88,15 @@ class Simulation(Protocol):
 
     def load_state_dict(self, state: dict[str, torch.Tensor]) -> None:
         """Restore the state of a `state_dict` exactly."""
-        self.set_subject(**{name: state[name] for name in SUBJECT})
+        # Earlier versions saved neither damping nor friction, which were the same in all worlds.
+        self.set_subject(**{name: state[name] for name in SUBJECT if name in state})
         for name, tensor in self._saved().items():
-            tensor.copy_(state[name])
+            if name not in SUBJECT:
+                tensor.copy_(state[name])
         self._restore(state)
 
-    def _apply_stiffness(self) -> None:
-        """Write `hip_k` and `ankle_k` to the model."""
-
-    def _apply_load(self) -> None:
-        """Write `load` to the model."""
+    def _apply(self, names: Iterable[str]) -> None:
+        """Write the values of these of `SUBJECT` to the model."""
 
     def _saved(self) -> dict[str, torch.Tensor]:
         """The tensors that `state_dict` copies; each engine adds its own."""

@@ -4,7 +4,7 @@ It reads envs/body/humanoid.xml without Newton. Worlds are stepped one after the
 worlds, not for training. The tensors are in single precision; the state is kept and saved in double.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 import mujoco
@@ -115,15 +115,15 @@ class MujocoCSimulation(Simulation):
             self._write_outputs(world)
         self._write_velocities()
 
-    def _apply_stiffness(self) -> None:
+    def _apply(self, names: Iterable[str]) -> None:
         for world, model in enumerate(self._models):
             model.jnt_stiffness[self._hinges[HIPS]] = float(self.hip_k[world])
             model.jnt_stiffness[self._hinges[ANKLES]] = float(self.ankle_k[world])
-
-    def _apply_load(self) -> None:
-        for world, model in enumerate(self._models):
-            model.body_mass[self._bodies[BODIES.index("hat")]] = self._nominal_mass + float(self.load[world])
-            mujoco.mj_setConst(model, self._scratch)  # the softness of contacts depends on mass
+            model.dof_damping[self._dofs] = float(self.joint_damping[world])
+            model.geom_friction[:, 0] = float(self.friction[world])
+            if "load" in names:
+                model.body_mass[self._bodies[BODIES.index("hat")]] = self._nominal_mass + float(self.load[world])
+                mujoco.mj_setConst(model, self._scratch)  # the softness of contacts depends on mass
 
     def _find_indices(self) -> None:
         """Indices of joints, bodies and soles in MuJoCo's arrays, the same in every world."""
@@ -143,7 +143,7 @@ class MujocoCSimulation(Simulation):
         self.joint_angle, self.joint_velocity, self.joint_force = (torch.zeros(n, len(JOINTS)) for _ in range(3))
         self.body_pose, self.body_velocity = torch.zeros(n, len(BODIES), 7), torch.zeros(n, len(BODIES), 6)
         self.sole_force, self.sole_position = torch.zeros(n, len(FEET), 2, 3), torch.zeros(n, len(FEET), 2, 3)
-        self.hip_k, self.ankle_k, self.load = torch.zeros(n), torch.zeros(n), torch.zeros(n)
+        self.hip_k, self.ankle_k, self.load, self.joint_damping, self.friction = (torch.zeros(n) for _ in SUBJECT)
         self.diverged, self._dropped = torch.zeros(n, dtype=torch.bool), torch.zeros(n, dtype=torch.bool)
         self._state = torch.zeros(n, self._state_size, dtype=torch.float64)
         self._spatial_velocity, self._lever = np.zeros((n, len(BODIES), 6)), np.zeros((n, len(BODIES), 3))

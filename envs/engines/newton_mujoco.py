@@ -4,6 +4,7 @@ The tensors are torch views of Newton's arrays, without a copy: writing to them 
 """
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import mujoco_warp
@@ -19,7 +20,7 @@ from envs.body.joints import ANKLES, BODIES, FEET, HIPS, JOINTS
 from envs.body.model import build_model, geometry
 from envs.config import ConstraintOverflowError, EnvConfig
 from envs.engines.contact_bias import bias_share
-from envs.engines.interface import Simulation, top_speed
+from envs.engines.interface import SUBJECT, Simulation, top_speed
 
 _ROOT_Q, _ROOT_QD = 7, 6
 """Coordinates and velocities of the free root joint ahead of the hinges."""
@@ -169,11 +170,11 @@ class NewtonMujocoSimulation(Simulation):
         self._outputs = (*coordinates, self.joint_force, self.sole_force, self.sole_position)
         self._top_speed = top_speed(config)
         self._nominal_mass = self._per_world(self.model.body_mass).clone()
-        self.hip_k = torch.full((num_worlds,), config.hip_k, device=self.device)
-        self.ankle_k = torch.full((num_worlds,), config.ankle_k, device=self.device)
-        self.load = torch.zeros(num_worlds, device=self.device)
+        # The model has them already, but for the load.
+        subject = (torch.full((num_worlds,), getattr(config, name), device=self.device) for name in SUBJECT)
+        self.hip_k, self.ankle_k, self.load, self.joint_damping, self.friction = subject
         if config.load:
-            self.set_subject(load=torch.full((num_worlds,), config.load))
+            self._apply(["load"])
         self._graph: Any = None
         self.replays_graph = self.device.type == "cuda"
         self._bias_share = bias_share(config, self._solver.mj_model)
@@ -239,18 +240,24 @@ class NewtonMujocoSimulation(Simulation):
         # A step in which a world diverged leaves values that are not finite in the solver's warm start.
         self.diverged.copy_(~self._warmstart.isfinite().all(-1))
 
-    def _apply_stiffness(self) -> None:
-        stiffness = self._per_world(self.model.joint_stiffness)[:, _ROOT_QD:]
-        stiffness[:, HIPS] = self.hip_k[:, None]
-        stiffness[:, ANKLES] = self.ankle_k[:, None]
-        self._solver.notify_model_changed(newton.ModelFlags.JOINT_DOF_FORCE_PROPERTIES)
-
-    def _apply_load(self) -> None:
-        hat = BODIES.index("hat")
-        mass = self._per_world(self.model.body_mass)
-        mass[:, hat] = self._nominal_mass[:, hat] + self.load
-        self._per_world(self.model.body_inv_mass)[:, hat] = 1.0 / mass[:, hat]
-        self._solver.notify_model_changed(newton.ModelFlags.BODY_INERTIAL_PROPERTIES)
+    def _apply(self, names: Iterable[str]) -> None:
+        changed, names = 0, {*names}
+        if names & {"hip_k", "ankle_k", "joint_damping"}:
+            stiffness = self._per_world(self.model.joint_stiffness)[:, _ROOT_QD:]
+            stiffness[:, HIPS] = self.hip_k[:, None]
+            stiffness[:, ANKLES] = self.ankle_k[:, None]
+            self._per_world(self.model.joint_damping)[:, _ROOT_QD:] = self.joint_damping[:, None]
+            changed |= newton.ModelFlags.JOINT_DOF_FORCE_PROPERTIES
+        if "friction" in names:
+            self._per_world(self.model.shape_material_mu)[:] = self.friction[:, None]
+            changed |= newton.ModelFlags.SHAPE_PROPERTIES
+        if "load" in names:
+            hat = BODIES.index("hat")
+            mass = self._per_world(self.model.body_mass)
+            mass[:, hat] = self._nominal_mass[:, hat] + self.load
+            self._per_world(self.model.body_inv_mass)[:, hat] = 1.0 / mass[:, hat]
+            changed |= newton.ModelFlags.BODY_INERTIAL_PROPERTIES
+        self._solver.notify_model_changed(changed)
 
     def _advance(self) -> None:
         dt = self.config.control_dt / self.config.solver.substeps

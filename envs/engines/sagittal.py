@@ -1,6 +1,8 @@
 """N standers in the sagittal plane: the fused kernel of envs/engines/sagittal_kernel.py behind the interface of
 `Simulation`."""
 
+import math
+from collections.abc import Iterable
 from typing import Any
 
 import mujoco
@@ -72,7 +74,8 @@ class SagittalSimulation(Simulation):
         self._q, self._qd, self._qdd = zeros(5), zeros(5), zeros(5)
         self._torque = zeros(len(JOINTS))
         self._inv_weight = zeros(3)
-        self.hip_k, self.ankle_k, self.load = zeros(), zeros(), zeros()
+        self._weights_of_loads: torch.Tensor | None = None
+        self.hip_k, self.ankle_k, self.load, self.joint_damping, self.friction = (zeros() for _ in SUBJECT)
         self.diverged = zeros(dtype=torch.bool)
         self.joint_angle, self.joint_velocity, self.joint_force = (zeros(len(JOINTS)) for _ in range(3))
         self.body_pose, self.body_velocity = zeros(len(BODIES), 7), zeros(len(BODIES), 6)
@@ -113,13 +116,24 @@ class SagittalSimulation(Simulation):
         dofs = model.dof_invweight0[[first + HIP, first + ANKLE]]
         return [float(model.body_invweight0[foot, 0]), *map(float, dofs)]
 
-    def _apply_stiffness(self) -> None:
-        """The kernel reads `hip_k` and `ankle_k`."""
+    def _apply(self, names: Iterable[str]) -> None:
+        if "load" in names:  # the kernel reads the others
+            loads, which = torch.unique(self.load, return_inverse=True)
+            weights = torch.tensor([self._inv_weights(mass) for mass in loads.tolist()], device=self.device)
+            self._inv_weight.copy_(weights[which])
 
-    def _apply_load(self) -> None:
-        loads, which = torch.unique(self.load, return_inverse=True)
-        weights = torch.tensor([self._inv_weights(mass) for mass in loads.tolist()], device=self.device)
-        self._inv_weight.copy_(weights[which])
+    def apply_drawn(self, names: Iterable[str]) -> None:
+        """See `Simulation`. Inverse weights of drawn loads are interpolated between loads 50 g apart."""
+        if "load" in names and self.config.ranges.load is not None:
+            low, high = self.config.ranges.load
+            if self._weights_of_loads is None:
+                count = 2 + math.ceil((high - low) / 0.05)
+                table = [self._inv_weights(mass) for mass in np.linspace(low, high, count)]
+                self._weights_of_loads = torch.tensor(table, device=self.device)
+            place = (self.load - low) / max(high - low, 1e-6) * (len(self._weights_of_loads) - 1)
+            before = place.long().clamp(0, len(self._weights_of_loads) - 2)
+            share = (place - before)[:, None]
+            torch.lerp(self._weights_of_loads[before], self._weights_of_loads[before + 1], share, out=self._inv_weight)
 
     def _restore(self, state: dict[str, torch.Tensor]) -> None:
         self._write_outputs()
@@ -157,9 +171,9 @@ def _constants(body: Segments, config: EnvConfig, model: mujoco.MjModel) -> Any:
     points["lower"], points["upper"] = model.jnt_range[[hip, ankle]].T
     for name, point in points.items():
         setattr(result, name, wp.vec2(*map(float, point)))
-    result.joint_damping, result.joint_armature = config.joint_damping, config.joint_armature
+    result.joint_armature = config.joint_armature
 
-    solref, solimp, result.friction = sole_contact(model)
+    solref, solimp, _ = sole_contact(model)
     result.contact = _softness(solref, solimp, step)
     result.contact_bias = bias_share(config, model)
     result.limit = _softness(model.jnt_solref[hip], model.jnt_solimp[hip], step)

@@ -74,11 +74,9 @@ class Body:
     toe: wp.vec2
     sole_radius: float
     half_width: wp.vec2
-    joint_damping: float
     joint_armature: float
     lower: wp.vec2
     upper: wp.vec2
-    friction: float
     gravity: float
     contact: Softness
     contact_bias: float
@@ -176,6 +174,8 @@ def advance(
     hip_k: wp.array[float],
     ankle_k: wp.array[float],
     load: wp.array[float],
+    joint_damping: wp.array[float],
+    friction: wp.array[float],
     inv_weight: wp.array[wp.vec3],
     worlds: Worlds,
 ) -> None:
@@ -189,9 +189,9 @@ def advance(
     ankle_torque = torque[world, 1] + torque[world, 3]
     hip_stiffness = 2.0 * hip_k[world]
     ankle_stiffness = 2.0 * ankle_k[world]
-    damping = 2.0 * body.joint_damping
+    damping = 2.0 * joint_damping[world]
     armature = 2.0 * body.joint_armature
-    mu = body.friction
+    mu = friction[world]
     g = body.gravity
     at = worlds.q[world]
     speed = worlds.qd[world]

@@ -8,9 +8,10 @@ import warp as wp
 
 from envs.body.joints import BODIES, FEET, JOINTS
 from envs.config import EnvConfig
-from envs.engines.interface import Simulation
+from envs.engines.interface import SUBJECT, Simulation
 from envs.engines.launch import Launch
 from envs.task import episodes_kernel
+from envs.task.bodies import COLUMNS, Table
 from envs.task.episodes_kernel import EpisodeArrays
 from envs.task.observations import PAST, PAST_STEPS
 
@@ -27,14 +28,17 @@ class Episodes:
     episode, step, length: (N,) int64, number of the episode, control steps made in it and after which it is over.
     freq: (N,) float64, frequency of the target at the start of the episode [Hz].
     phase_offset: (N,) float64, added to the target's phase until the end of the episode [rad].
-    amplitude: (N,) float64 of the target [m].
+    amplitude: (N,) float64 of the target [m]. tolerance: (N,) of the head around it, `env.reward.tolerance` [m].
     action: (N, 4) of the last step. track: (N, PAST * PAST_STEPS + 1) target positions of the present and the last control
     steps, the newest first [m].
     target_x, target_vx, target_ax, target_freq, head_x, head_vx, foot_displacement: see `TaskState`.
     """
 
-    def __init__(self, config: EnvConfig, sim: Simulation, world: torch.Tensor, seed: int) -> None:
-        """For the worlds with the numbers `world` (N,) int64 out of `config.num_envs`."""
+    def __init__(
+        self, config: EnvConfig, sim: Simulation, world: torch.Tensor, seed: int, bodies: Table | None = None
+    ) -> None:
+        """For the worlds with the numbers `world` (N,) int64 out of `config.num_envs`. With `bodies` (envs/task/bodies.py),
+        body, amplitude and tolerance are drawn with the frequency, and the body's are written to `sim`."""
         n, device = len(world), sim.device
 
         def zeros(*shape: int, dtype: torch.dtype = torch.float32) -> torch.Tensor:
@@ -45,6 +49,14 @@ class Episodes:
         self.seeds = torch.zeros(2, dtype=torch.long, device=device)
         self.freq_low, self.freq_range, self.ramp_rate, self.ramp_duration = (zeros(dtype=torch.float64) for _ in range(4))
         self.amplitude = torch.full_like(self.freq_low, config.amplitude)
+        self.tolerance = torch.full((n,), config.reward.tolerance, device=device)
+        self.bodies = torch.zeros(1, len(COLUMNS), dtype=torch.float64, device=device)
+        self.first_row, self.num_rows = torch.zeros_like(world), torch.zeros_like(world)
+        if bodies is not None:
+            self.bodies = torch.as_tensor(bodies, device=device)
+            parts = config.num_envs if config.freq_draw == "stratified" else 1
+            self.num_rows.fill_(len(bodies) // parts)
+            self.first_row.copy_(world % parts * self.num_rows)
         self.foot_start = sim.body_pose[:, FOOT_BODIES, :3].clone()
         self.episode = torch.zeros_like(world)
         self.step, self.length = zeros(dtype=torch.long), zeros(dtype=torch.long)
@@ -76,10 +88,12 @@ class Episodes:
         self._restore()
 
     def follow(self, freq: torch.Tensor) -> None:
-        """From its next episode on, world i follows a target of the constant `freq`[i] [Hz], (N,). A ramp ends at once."""
+        """From its next episode on, world i follows a target of the constant `freq`[i] [Hz], (N,). A ramp ends at once, and
+        the body stays as it is."""
         self.freq_low.copy_(freq)
         self.freq_range.zero_()
         self.ramp_rate.zero_()
+        self.num_rows.zero_()
 
     def reseed(self, seed: int) -> None:
         """Continue, from the next episode on, with the episodes of new worlds with this `seed`."""
@@ -122,7 +136,7 @@ class Episodes:
         result.head, result.hat_com = (wp.vec3(*map(float, point)) for point in (sim.geometry.head, sim.geometry.hat_com))
         shortest, longest = self._config.episode_bounds
         result.length_low, result.length_range = float(shortest), float(longest - shortest + 1)
-        tensors = vars(self) | {"body_pose": sim.body_pose, "body_velocity": sim.body_velocity}
+        tensors = vars(self) | {name: getattr(sim, name) for name in ("body_pose", "body_velocity", *SUBJECT)}
         for name, field in EpisodeArrays.vars.items():  # type: ignore[attr-defined]
             if name in tensors:
                 setattr(result, name, wp.from_torch(tensors[name], dtype=field.type.dtype))

@@ -18,7 +18,8 @@ class EpisodeArrays:
 
     head, hat_com: head centre and centre of mass in the frame of the HAT [m].
     length_low, length_range: lengths are low, low + 1, ..., low + range - 1.
-    seeds: (2,) of the random numbers of frequencies and of lengths.
+    seeds: (2,) of the random numbers of frequencies, or of rows of `bodies`, and of lengths.
+    bodies: see `envs.task.bodies`; world i draws from its `num_rows`[i] rows from `first_row`[i] on, if any.
     """
 
     control_dt: wp.float64
@@ -33,6 +34,15 @@ class EpisodeArrays:
     ramp_rate: wp.array[wp.float64]
     ramp_duration: wp.array[wp.float64]
     amplitude: wp.array[wp.float64]
+    tolerance: wp.array[float]
+    bodies: wp.array2d[wp.float64]
+    first_row: wp.array[wp.int64]
+    num_rows: wp.array[wp.int64]
+    hip_k: wp.array[float]
+    ankle_k: wp.array[float]
+    load: wp.array[float]
+    joint_damping: wp.array[float]
+    friction: wp.array[float]
     body_pose: wp.array2d[wp.transform]
     body_velocity: wp.array2d[wp.spatial_vector]
     foot_start: wp.array2d[wp.vec3]
@@ -87,6 +97,22 @@ def _draw_length(arrays: EpisodeArrays, i: int) -> None:
     arrays.length[i] = wp.int64(arrays.length_low + wp.floor(arrays.length_range * number))
 
 
+@wp.func
+def _take(arrays: EpisodeArrays, i: int, row: int) -> None:
+    """Body and target of a row of `bodies`, whose columns are `envs.task.bodies.COLUMNS`."""
+    if arrays.ramp_duration[i] == wp.float64(0.0):
+        arrays.freq[i] = arrays.bodies[row, 0]
+    else:
+        arrays.freq[i] = arrays.freq_low[i]
+    arrays.hip_k[i] = float(arrays.bodies[row, 1])
+    arrays.ankle_k[i] = float(arrays.bodies[row, 2])
+    arrays.load[i] = float(arrays.bodies[row, 3])
+    arrays.amplitude[i] = arrays.bodies[row, 4]
+    arrays.joint_damping[i] = float(arrays.bodies[row, 5])
+    arrays.friction[i] = float(arrays.bodies[row, 6])
+    arrays.tolerance[i] = float(arrays.bodies[row, 7])
+
+
 @wp.kernel(enable_backward=False)
 def begin(mask: wp.array[wp.bool], arrays: EpisodeArrays) -> None:
     """A new episode in the worlds of `mask`."""
@@ -97,7 +123,10 @@ def begin(mask: wp.array[wp.bool], arrays: EpisodeArrays) -> None:
     arrays.step[i] = wp.int64(0)
     arrays.phase_offset[i] = wp.float64(0.0)
     number = uniform(wp.uint64(arrays.seeds[0]), wp.uint64(arrays.world[i]), wp.uint64(arrays.episode[i]))
-    arrays.freq[i] = arrays.freq_low[i] + arrays.freq_range[i] * number
+    if arrays.num_rows[i] == wp.int64(0):
+        arrays.freq[i] = arrays.freq_low[i] + arrays.freq_range[i] * number
+    else:
+        _take(arrays, i, int(arrays.first_row[i] + wp.int64(wp.floor(wp.float64(arrays.num_rows[i]) * number))))
     _draw_length(arrays, i)
     for joint in range(arrays.action.shape[1]):
         arrays.action[i, joint] = 0.0

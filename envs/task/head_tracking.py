@@ -12,11 +12,14 @@ from envs.body.joints import BODIES, KINDS
 from envs.config import EnvConfig, Weight, as_plain
 from envs.engines.cuda_graph import CudaGraph
 from envs.engines.factory import simulate
-from envs.task import observations, rewards, terminations
+from envs.engines.interface import SUBJECT
+from envs.task import bodies, observations, rewards, terminations
 from envs.task.episodes import FOOT_BODIES, Episodes
 from envs.task.observations import PAST_STEPS, TaskState
 
-_SAVED = {"episode_length_buf": "step"} | {name: name for name in ("episode", "action", "freq", "track", "phase_offset")}
+_SAVED = {"episode_length_buf": "step"} | {
+    name: name for name in ("episode", "action", "freq", "track", "phase_offset", "amplitude", "tolerance")
+}
 """Tensors of `Episodes` that later steps depend on, by their names in a saved state."""
 
 LOG = ("/tracking_error_mm", "/cost", "/ended", "/diverged")
@@ -28,6 +31,7 @@ class HeadTrackingEnv(VecEnv):
 
     state: `TaskState` after the last step; in worlds that were reset, of the new episode. Its tensors change in place.
     episodes: `Episodes`, with the time and the target of each world. episode_length_buf: its steps, under rsl-rl's name.
+    infeasible_share: of the points of the ranges that are not drawn, since `feasible` excludes them.
     steps: () int64, control steps that each world has made in all. training_steps: their number in the whole training, which
     schedules of weights refer to; None outside a training, where weights have their final values.
 
@@ -42,9 +46,10 @@ class HeadTrackingEnv(VecEnv):
         device: str,
         part: tuple[int, int] = (0, 1),
         training_steps: int | None = None,
+        feasible: bodies.Feasible | None = None,
     ) -> None:
         """Worlds `part[0]`, `part[0] + part[1]`, ... of the `config.num_envs`: one of `part[1]` equal parts, which together
-        behave as one environment with all worlds."""
+        behave as one environment with all worlds. feasible: what of `config.ranges` is drawn; None: everything."""
         self.config = config
         self.cfg = as_plain(config)
         self.num_envs = config.num_envs // part[1]
@@ -60,7 +65,12 @@ class HeadTrackingEnv(VecEnv):
         self._limit_centre, self._limit_half = limits.mean(0), (limits[1] - limits[0]) / 2.0
         self.steps = torch.zeros((), dtype=torch.long, device=sim_device)
         worlds = torch.arange(part[0], config.num_envs, part[1], device=sim_device)
-        self.episodes = Episodes(config, self.sim, worlds, seed)
+        self.infeasible_share, table = 0.0, None
+        if config.ranges.given:
+            table, self.infeasible_share = bodies.table(config, seed, feasible)
+        self._drawn = [name for name in config.ranges.given if name in SUBJECT]
+        self.episodes = Episodes(config, self.sim, worlds, seed, table)
+        self.sim.apply_drawn(self._drawn)
         self.episode_length_buf = self.episodes.step
         self.state = self._task_state()
 
@@ -117,10 +127,12 @@ class HeadTrackingEnv(VecEnv):
         training_steps = state.get("training_steps", self.training_steps)
         if training_steps != self.training_steps:
             self.training_steps, self._graph = training_steps, None
+        state = {name: getattr(self.episodes, name) for name in ("amplitude", "tolerance")} | state
         state = {"phase_offset": torch.zeros_like(self.episodes.freq)} | state
         self.sim.load_state_dict(state["simulation"])
         for name, attribute in _SAVED.items():
             getattr(self.episodes, attribute).copy_(state[name])
+        self.sim.apply_drawn(self._drawn)
         self.episodes.restore()
 
     def _task_state(self) -> TaskState:
@@ -143,6 +155,9 @@ class HeadTrackingEnv(VecEnv):
             target_vx=episodes.target_vx,
             target_ax=episodes.target_ax,
             target_freq=episodes.target_freq,
+            **{name: getattr(sim, name) for name in SUBJECT},
+            amplitude=episodes.amplitude,
+            tolerance=episodes.tolerance,
             target_past=episodes.track[:, PAST_STEPS::PAST_STEPS],
         )
 
@@ -213,7 +228,7 @@ class HeadTrackingEnv(VecEnv):
             + weight(config.energy_weight) * (energy + torque)
         )
         if terms.tolerance_weight:
-            reward = reward - terms.tolerance_weight * rewards.beyond(state.target_x - state.head_x, terms.tolerance)
+            reward = reward - terms.tolerance_weight * rewards.beyond(state.target_x - state.head_x, self.episodes.tolerance)
         if terms.joint_limit_weight:
             scaled = (state.joint_angle - self._limit_centre) / self._limit_half
             reward = reward - terms.joint_limit_weight * rewards.joint_limit(scaled)
@@ -224,3 +239,5 @@ class HeadTrackingEnv(VecEnv):
     def _reset(self, mask: torch.Tensor) -> None:
         self.sim.reset(mask)
         self.episodes.begin(mask)
+        if self._drawn:
+            self.sim.apply_drawn(self._drawn)

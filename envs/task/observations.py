@@ -34,6 +34,8 @@ class TaskState:
     action: (N, 4) actuator torque of each joint over the torque limit.
     head_x, head_vx: (N,) head along x, 0 at the start [m], [m/s].
     target_x, target_vx, target_ax: (N,) [m], [m/s], [m/s2]. target_freq: (N,) its momentary frequency [Hz].
+    hip_k, ankle_k [Nm/rad per joint], load [kg], joint_damping [Nm s/rad per joint], friction [-], amplitude of the target
+        and tolerance around it [m]: (N,), the same during an episode.
     target_past: (N, PAST) target_x before PAST_STEPS, 2 PAST_STEPS, ... control steps [m]; before the start it was at 0.
     """
 
@@ -53,6 +55,13 @@ class TaskState:
     target_vx: "torch.Tensor"
     target_ax: "torch.Tensor"
     target_freq: "torch.Tensor"
+    hip_k: "torch.Tensor"
+    ankle_k: "torch.Tensor"
+    load: "torch.Tensor"
+    joint_damping: "torch.Tensor"
+    friction: "torch.Tensor"
+    amplitude: "torch.Tensor"
+    tolerance: "torch.Tensor"
     target_past: "torch.Tensor"
 
 
@@ -238,6 +247,23 @@ def target_frequency(state: TaskState) -> "torch.Tensor":
 def target_history(state: TaskState) -> "torch.Tensor":
     """How far the target has moved along x since each of the earlier times of `TaskState.target_past`."""
     return state.target_x[:, None] - state.target_past
+
+
+@_term(
+    ("hip_k", "Nm/rad"),
+    ("ankle_k", "Nm/rad"),
+    ("load", "kg"),
+    ("joint_damping", "Nm s/rad"),
+    ("friction", "1"),
+    ("amplitude", "m"),
+    ("tolerance", "m"),
+)
+def body(state: TaskState) -> "torch.Tensor":
+    """What `env.ranges` may vary: properties of the body, amplitude of the target and tolerance around it."""
+    import torch
+
+    own = (state.hip_k, state.ankle_k, state.load, state.joint_damping, state.friction)
+    return torch.stack((*own, state.amplitude.float(), state.tolerance), dim=-1)
 
 
 @_term(("target_x_minus_head_x", "m"))

@@ -27,7 +27,7 @@ def closeness(distance: Values, sharpness: float) -> Values:
     return 1.0 / (1.0 + sharpness * distance**2)
 
 
-def beyond(distance: Values, tolerance: float) -> Values:
+def beyond(distance: Values, tolerance: float | Values) -> Values:
     """How far the head is outside the `tolerance` around its target [m]. distance: between the two [m]. (N,)."""
     return (abs(distance) - tolerance).clip(min=0.0)
 

@@ -8,9 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from envs.config import RANGE_KEYS
 from posture.config.errors import ConfigError
 
-VERSION = 5
+VERSION = 6
 
 
 def upgrade(values: dict[str, Any], file: Path) -> dict[str, Any]:
@@ -59,5 +60,18 @@ def _from_4(values: dict[str, Any]) -> dict[str, Any]:
     return dict.fromkeys(("init", "evaluate_every", "film_every", "patience")) | values
 
 
-UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {1: _from_1, 2: _from_2, 3: _from_3, 4: _from_4}
+def _from_5(values: dict[str, Any]) -> dict[str, Any]:
+    """Every world had the same body."""
+    with contextlib.suppress(KeyError, TypeError, AttributeError):  # as above
+        values["env"].setdefault("ranges", dict.fromkeys(RANGE_KEYS))
+    return values
+
+
+UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
+    1: _from_1,
+    2: _from_2,
+    3: _from_3,
+    4: _from_4,
+    5: _from_5,
+}
 """By version, the function that gives the version after it."""

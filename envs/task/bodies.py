@@ -1,0 +1,56 @@
+"""The bodies and targets that a training draws from, where keys of the configuration have ranges.
+
+They are a table of points of a Sobol sequence over all ranges and the frequency together, which fills them more evenly than
+independent draws do. A world draws a row of it for each episode. With `freq_draw: stratified` the table is sorted by
+frequency, and world i of N draws from the i-th of N equal parts.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from envs.config import RANGE_KEYS, EnvConfig
+
+COLUMNS = ("freq", *RANGE_KEYS)
+"""Columns of the table."""
+ROWS = 16_384
+"""Rows at least; and eight for each world."""
+
+Table = NDArray[np.float64]
+Feasible = Callable[[EnvConfig, Table], NDArray[np.bool_]]
+"""Which rows of a table a stander of that body can follow."""
+
+
+def table(config: EnvConfig, seed: int, feasible: Feasible | None = None) -> tuple[Table, float]:
+    """Rows with the values of `COLUMNS`, (rows, 8); `ROWS` or eight times `config.num_envs`, in a multiple of it.
+
+    Rows that `feasible` excludes are replaced by later points of the sequence. Also returns the share that was excluded.
+    Raises ValueError if that is nearly everything.
+    """
+    bounds = {"freq": config.freq if isinstance(config.freq, tuple) else 2 * (config.freq,)} if config.ramp is None else {}
+    bounds |= {name: 2 * (value_of(config, name),) for name in RANGE_KEYS} | config.ranges.given
+    low, high = np.array([bounds.get(name, (0.0, 0.0)) for name in COLUMNS]).T
+    varied = high > low
+    size = config.num_envs * max(8, -(-ROWS // config.num_envs))
+    sequence = qmc.Sobol(int(varied.sum()), rng=np.random.default_rng(seed))
+    kept: list[Table] = []
+    found = tried = 0
+    while found < size:
+        points = np.tile(low, (2 ** int(np.ceil(np.log2(size))), 1))
+        points[:, varied] += (high - low)[varied] * sequence.random(len(points))
+        able = np.ones(len(points), dtype=bool) if feasible is None else feasible(config, points)
+        kept.append(points[able])
+        found, tried = found + int(able.sum()), tried + len(points)
+        if found < 0.01 * tried:
+            raise ValueError("env.ranges: the limits of torque and foot allow hardly any of these bodies and targets")
+    rows = np.concatenate(kept)[:size]
+    if config.freq_draw == "stratified":
+        rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    return rows, 1.0 - found / tried
+
+
+def value_of(config: EnvConfig, name: str) -> float:
+    """The value of a key of `RANGE_KEYS` without a range."""
+    return config.reward.tolerance if name == "tolerance" else float(getattr(config, name))
