@@ -255,6 +255,10 @@ class EnvConfig(Strict):
             unused |= dict.fromkeys(keys, f"with {prefix}reward.tolerance_weight=0")
         return unused
 
+    def without_ranges(self) -> "EnvConfig":
+        """The same of one body: every key has its own value."""
+        return self.model_copy(update={"ranges": Ranges(**dict.fromkeys(RANGE_KEYS))})
+
     @property
     def head_tolerance(self) -> float | None:
         """How far the head may be from its target [m]: where the reward begins to count it, or else where episodes end."""

@@ -90,7 +90,7 @@ def differences(run: TrainConfig, config: EvalConfig) -> list[str]:
     """What distinguishes an evaluation from the run's own, as part of a file name: changes to its environment, then other
     conditions than those that its configuration names. Empty if nothing does."""
     pairs = [
-        (run.env.model_dump(), config.env.apply_to(run.env)),
+        (run.env.without_ranges().model_dump(), config.env.apply_to(run.env)),
         *[(evaluation.model_dump(exclude={"figures"}) for evaluation in (run.evaluation, config.evaluation))],
     ]
     changed = {key: _changed(own[key], value) for own, tried in pairs for key, value in tried.items() if value != own[key]}

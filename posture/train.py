@@ -123,6 +123,7 @@ def _learn(
     from posture.learning import parallel
     from posture.learning.learner import Learner
     from posture.learning.progress import preparing
+    from posture.theory.feasible import feasible
 
     rank, size = parallel.rank(), parallel.size()
     if config.env.num_envs % size:
@@ -136,7 +137,7 @@ def _learn(
         if not resume:
             provenance.write_config(folder, config, begun_from)
     with preparing():
-        env = HeadTrackingEnv(config.env, config.seed, device, (rank, size), training_steps)
+        env = HeadTrackingEnv(config.env, config.seed, device, (rank, size), training_steps, feasible)
         learner = Learner(env, config.agent, folder, device)
         env.warm_up()
         if begun_from is not None:
@@ -145,6 +146,8 @@ def _learn(
             learner.resume()
             if rank == 0:
                 provenance.write_config(folder, config)  # after `resume` has accepted the checkpoint
+    if rank == 0 and env.infeasible_share:
+        print(f"not drawn: {env.infeasible_share:.2%} of env.ranges, which the limits of torque and foot do not allow")
     if rank == 0:
         _report_unfinished_schedules(config, env.training_steps or training_steps)
     learner.train(config.max_iterations, None if background is None else background.after_checkpoint)

@@ -58,7 +58,9 @@ class MujocoCSimulation(Simulation):
         self._bias_share = bias_share(config, self._models[0])
         self._find_indices()
         self._allocate()
-        self.set_subject(**{name: torch.full((num_worlds,), getattr(config, name)) for name in SUBJECT})
+        for name in SUBJECT:
+            getattr(self, name).fill_(getattr(config, name))
+        self._apply(["load"])  # the models have the others
         self.reset(torch.ones(num_worlds, dtype=torch.bool))
 
     def step(self, torque: torch.Tensor) -> None:
@@ -117,10 +119,14 @@ class MujocoCSimulation(Simulation):
 
     def _apply(self, names: Iterable[str]) -> None:
         for world, model in enumerate(self._models):
-            model.jnt_stiffness[self._hinges[HIPS]] = float(self.hip_k[world])
-            model.jnt_stiffness[self._hinges[ANKLES]] = float(self.ankle_k[world])
-            model.dof_damping[self._dofs] = float(self.joint_damping[world])
-            model.geom_friction[:, 0] = float(self.friction[world])
+            if "hip_k" in names:
+                model.jnt_stiffness[self._hinges[HIPS]] = float(self.hip_k[world])
+            if "ankle_k" in names:
+                model.jnt_stiffness[self._hinges[ANKLES]] = float(self.ankle_k[world])
+            if "joint_damping" in names:
+                model.dof_damping[self._dofs] = float(self.joint_damping[world])
+            if "friction" in names:
+                model.geom_friction[:, 0] = float(self.friction[world])
             if "load" in names:
                 model.body_mass[self._bodies[BODIES.index("hat")]] = self._nominal_mass + float(self.load[world])
                 mujoco.mj_setConst(model, self._scratch)  # the softness of contacts depends on mass

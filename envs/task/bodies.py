@@ -23,8 +23,9 @@ Feasible = Callable[[EnvConfig, Table], NDArray[np.bool_]]
 """Which rows of a table a stander of that body can follow."""
 
 
-def table(config: EnvConfig, seed: int, feasible: Feasible | None = None) -> tuple[Table, float]:
-    """Rows with the values of `COLUMNS`, (rows, 8); `ROWS` or eight times `config.num_envs`, in a multiple of it.
+def table(config: EnvConfig, seed: int, feasible: Feasible | None = None, count: int | None = None) -> tuple[Table, float]:
+    """`count` rows with the values of `COLUMNS`, (count, 8). None: `ROWS` or eight for each of the `config.num_envs` worlds,
+    in a multiple of it.
 
     Rows that `feasible` excludes are replaced by later points of the sequence. Also returns the share that was excluded.
     Raises ValueError if that is nearly everything.
@@ -33,7 +34,7 @@ def table(config: EnvConfig, seed: int, feasible: Feasible | None = None) -> tup
     bounds |= {name: 2 * (value_of(config, name),) for name in RANGE_KEYS} | config.ranges.given
     low, high = np.array([bounds.get(name, (0.0, 0.0)) for name in COLUMNS]).T
     varied = high > low
-    size = config.num_envs * max(8, -(-ROWS // config.num_envs))
+    size = config.num_envs * max(8, -(-ROWS // config.num_envs)) if count is None else count
     sequence = qmc.Sobol(int(varied.sum()), rng=np.random.default_rng(seed))
     kept: list[Table] = []
     found = tried = 0

@@ -156,13 +156,13 @@ def sign_change_frequency(freq: ArrayLike, correlation: ArrayLike) -> float | No
 
 
 def measure_trajectory(
-    trajectory: Trajectory, *, transient_s: float, tolerance_m: float, still_joint_deg: float
+    trajectory: Trajectory, *, transient_s: float, tolerance_m: ArrayLike, still_joint_deg: float
 ) -> list[Result]:
     """The results of a trial, one for each world.
 
-    `transient_s` [s] is left out at the start (`Result` says of which indices). `tolerance_m` [m] is the head-target
-    distance beyond which tracking counts as lost. The coordination of a joint whose peak-to-peak angle after the
-    transient is below `still_joint_deg` [deg] is undefined.
+    `transient_s` [s] is left out at the start (`Result` says of which indices). `tolerance_m` [m], of all worlds or (W,), is
+    the head-target distance beyond which tracking counts as lost. The coordination of a joint whose peak-to-peak angle after
+    the transient is below `still_joint_deg` [deg] is undefined.
 
     A world that fell, or whose signals are not finite, is not valid and has every index nan, so that no average includes it.
     Raises ValueError where the transient leaves nothing of the trial.
@@ -170,6 +170,7 @@ def measure_trajectory(
     if np.count_nonzero(trajectory.time >= transient_s) < 2:
         end = trajectory.time[-1]
         raise ValueError(f"transient_s is {transient_s:g} s, but the trial ends at {end:g} s")
+    tolerances = np.broadcast_to(np.asarray(tolerance_m, dtype=np.float64), trajectory.freq.shape)
     results = []
     for w, fall_step in enumerate(trajectory.fall_step):
         fell = bool(fall_step >= 0)
@@ -183,7 +184,7 @@ def measure_trajectory(
             fall_time_s=float(trajectory.time[fall_step]) if fell else math.nan,
         )
         if result.valid:
-            result = _measure_world(trajectory, w, transient_s, tolerance_m, still_joint_deg, result)
+            result = _measure_world(trajectory, w, transient_s, float(tolerances[w]), still_joint_deg, result)
         results.append(result)
     return results
 

@@ -56,7 +56,7 @@ class EnvChanges(Strict):
 
     def apply_to(self, env: EnvConfig) -> dict[str, Any]:
         """The values of `env` with these changes, to be checked."""
-        values, changes = env.model_dump(), self.model_dump()
+        values, changes = env.without_ranges().model_dump(), self.model_dump()
         values["solver"] |= _given(changes.pop("solver"))
         return values | _given(changes) | ({"ramp": None} if self.ramp == "none" else {})
 
@@ -67,6 +67,12 @@ class EnvChanges(Strict):
 
 def _given(changes: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in changes.items() if value is not None}
+
+
+def one_body(env: EnvConfig, why: str) -> None:
+    """Raise ValueError, which says `why`, if `env` has ranges."""
+    for name in env.ranges.given:
+        raise ValueError(f"env.ranges.{name}: {why}; allowed is null")
 
 
 class LqrConfig(Strict):
@@ -114,6 +120,7 @@ class EvalConfig(CommandConfig):
         check_engine(self.env.physics or (self.lqr.env.physics if self.policy == "lqr" else None), self.device)
         if self.policy == "lqr":
             check_trial(self.evaluation, self.lqr.env)
+            one_body(self.lqr.env, "policy=lqr plans the motion of one body")
             if self.env.ramps(self.lqr.env):
                 raise ValueError("env.ramp: policy=lqr plans its motion for constant frequencies; allowed is none")
             if self.lqr.tolerance_margin >= self.evaluation.tolerance:

@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from envs.config import AnkleStiffness, EnvConfig, Freq, HipStiffness, Load, RewardConfig, Strict
 from posture.config.checks import CommandConfig, Tolerance
-from posture.config.eval import EvaluationConfig
+from posture.config.eval import EvaluationConfig, one_body
 
 MAX_VALUES = 10_000
 """Points of a table or of the map; each is an optimisation that takes some milliseconds."""
@@ -103,6 +103,7 @@ class TheoryConfig(CommandConfig):
         ):
             if ((high - low) / step + 1) * rows > MAX_VALUES:
                 raise ValueError(f"{name}.step: {step:g} makes more than {MAX_VALUES:,} values; take a larger one")
+        one_body(self.env, "the theory is of one body")
         if self.head_tolerance >= self.env.amplitude:
             raise ValueError(
                 f"tolerance: {self.head_tolerance:g} m leaves the head no motion to make; allowed is less than "

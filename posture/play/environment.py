@@ -41,7 +41,7 @@ class Settings:
 
 def play_config(env: EnvConfig) -> EnvConfig:
     """`env` with one world in the sagittal engine, where only a fall ends an episode."""
-    values = env.model_dump()
+    values = env.without_ranges().model_dump()
     values |= {"num_envs": 1, "physics": "sagittal", "episode_steps": EPISODE_STEPS, "ramp": None, "freq": 1.0}
     values["termination"] |= {"foot_motion": None, "head_tolerance": None}
     return EnvConfig.model_validate(values)
@@ -58,6 +58,7 @@ class PlayEnv(HeadTrackingEnv):
     def apply(self, settings: Settings) -> None:
         """Use the body and the target of `settings` from the next step on."""
         self.episodes.retarget(*(torch.full((1,), value).double() for value in (settings.freq, settings.amplitude)))
+        self.episodes.tolerance.fill_(settings.tolerance)
         for name in ("hip_k", "ankle_k", "load"):
             value = torch.full((1,), getattr(settings, name))
             if not torch.equal(value, getattr(self.sim, name)):

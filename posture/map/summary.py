@@ -1,0 +1,134 @@
+"""What a map says: the transition against each parameter, and how near a policy is to the theory."""
+
+import math
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+
+import numpy as np
+
+from envs.body.segments import Segments, read_segments
+from envs.config import EnvConfig
+from posture.analysis.coordination import sign_change_frequency
+from posture.analysis.results import Result
+from posture.config.map import MapConfig
+from posture.map.trials import RANDOM, Trials
+from posture.theory.stander import linearise
+from posture.theory.transition import bound_transition, reward_transition
+
+NEAR_HZ = 0.03
+"""From its transition on, in either direction, a cell has no mode that the theory would insist on [Hz]."""
+
+
+@dataclass(frozen=True)
+class Transition:
+    """The frequencies at which the modes switch at one `value` of the parameter `varied`; nan where they do not [Hz].
+
+    least: of the motion of least cost. reward: of the optimum of the reward that was trained. policy: of seed `seed`.
+    """
+
+    varied: str
+    value: float
+    seed: int
+    policy_hz: float
+    least_hz: float
+    reward_hz: float
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How near a policy is to the theory over the trials of a map, or the random ones.
+
+    trials: feasible ones. falls: of these. cost_ratio: mean, 95th percentile and largest of cost over least cost.
+    below_120: share with a ratio of at most 1.2. same_mode: share of the cells at least `NEAR_HZ` from the transition of the
+    trained reward whose correlation has the theory's sign; nan for random trials.
+    """
+
+    varied: str
+    seed: int
+    trials: int
+    falls: int
+    cost_ratio_mean: float
+    cost_ratio_p95: float
+    cost_ratio_max: float
+    below_120: float
+    same_mode: float
+
+
+def transitions(config: MapConfig, env: EnvConfig, found: Trials, seeds: dict[int, list[Result]]) -> list[Transition]:
+    """The transition at each value of each parameter, and of each seed."""
+    body, rows = read_segments(env), []
+    values = [(name, value) for name, values in config.varied for value in values]
+    with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
+        theory = list(pool.map(_Theory(body, env, config), values))
+    for (name, value), (least, reward) in zip(values, theory, strict=True):
+        for seed, results in seeds.items():
+            own = [result for result, row in cells(found, results, name) if row == value]
+            policy = sign_change_frequency([one.freq_hz for one in own], [one.hip_ankle_r for one in own])
+            rows.append(Transition(name, value, seed, _or_nan(policy), _or_nan(least), _or_nan(reward)))
+    return rows
+
+
+def cells(found: Trials, results: Sequence[Result], name: str) -> list[tuple[Result, float]]:
+    """The results of the map of parameter `name`, each with its value."""
+    of: dict[str, Callable[[Result], float]] = {
+        "hip_k": lambda one: one.hip_k_nm_per_rad,
+        "ankle_k": lambda one: one.ankle_k_nm_per_rad,
+        "load": lambda one: one.load_kg,
+        "amplitude": lambda one: one.origin.amplitude_m,
+    }
+    return [(one, of[name](one)) for one, varied in zip(results, found.varied, strict=True) if varied == name]
+
+
+def agreement(found: Trials, seed: int, results: Sequence[Result], switches: Sequence[Transition]) -> list[Agreement]:
+    """The agreement over each map, and over the random trials."""
+    rows = []
+    for name in dict.fromkeys(found.varied):
+        own = [one for one, varied in zip(results, found.varied, strict=True) if varied == name]
+        feasible = [one for one in own if math.isfinite(one.least.cost)]
+        ratios = np.array([one.cost_ratio for one in feasible if one.valid])
+        same = math.nan
+        if name != RANDOM:
+            reward = {row.value: row.reward_hz for row in switches if row.varied == name}
+            signs = [
+                one.valid and (one.hip_ankle_r > 0) == (one.freq_hz < reward[value])
+                for one, value in cells(found, results, name)
+                if math.isfinite(one.least.cost) and not abs(one.freq_hz - reward[value]) < NEAR_HZ
+            ]
+            same = float(np.mean(signs)) if signs else math.nan
+        rows.append(
+            Agreement(
+                varied=name,
+                seed=seed,
+                trials=len(feasible),
+                falls=sum(one.fell for one in feasible),
+                cost_ratio_mean=float(ratios.mean()) if len(ratios) else math.nan,
+                cost_ratio_p95=float(np.percentile(ratios, 95)) if len(ratios) else math.nan,
+                cost_ratio_max=float(ratios.max()) if len(ratios) else math.nan,
+                below_120=float(np.mean(ratios <= 1.2)) if len(ratios) else math.nan,
+                same_mode=same,
+            )
+        )
+    return rows
+
+
+class _Theory:
+    """Transitions of the least cost and of the reward at one value of one parameter, for another process."""
+
+    def __init__(self, body: Segments, env: EnvConfig, config: MapConfig) -> None:
+        self._body, self._env, self._search, self._tolerance = body, env, config.search, config.evaluation.tolerance
+
+    def __call__(self, varied: tuple[str, float]) -> tuple[float | None, float | None]:
+        env = self._env.model_copy(update=dict([varied]))
+        stander = linearise(self._body, env)
+        least = bound_transition(stander, env.amplitude, self._tolerance, self._search)
+        try:
+            return least, reward_transition(stander, env, self._tolerance, self._search)
+        except ValueError:  # a reward without effort
+            return least, None
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else value
