@@ -107,6 +107,8 @@ class RewardConfig(Strict):
     joint_limit_weight: Annotated[float, Field(ge=0, le=10_000)]
     torque_unit: Literal["newton_metre", "normalised"]
     energy_unit: Literal["joule", "normalised", "authors_code"]
+    effort_exponent: Weight
+    effort_reference: Annotated[float, Field(gt=0, le=4)]
     ended: Weight | None
     scale: Annotated[float, Field(ge=1e-6, le=1000)]
 

@@ -123,7 +123,7 @@ def _learn(
     from posture.learning import parallel
     from posture.learning.learner import Learner
     from posture.learning.progress import preparing
-    from posture.theory.feasible import feasible
+    from posture.theory.least_costs import least_costs
 
     rank, size = parallel.rank(), parallel.size()
     if config.env.num_envs % size:
@@ -137,7 +137,7 @@ def _learn(
         if not resume:
             provenance.write_config(folder, config, begun_from)
     with preparing():
-        env = HeadTrackingEnv(config.env, config.seed, device, (rank, size), training_steps, feasible)
+        env = HeadTrackingEnv(config.env, config.seed, device, (rank, size), training_steps, least_costs)
         learner = Learner(env, config.agent, folder, device)
         env.warm_up()
         if begun_from is not None:

@@ -14,21 +14,23 @@ from scipy.stats import qmc
 from envs.config import RANGE_KEYS, EnvConfig
 
 COLUMNS = ("freq", *RANGE_KEYS)
-"""Columns of the table."""
+"""Columns of the table, before that of `effort_scale`."""
 ROWS = 16_384
 """Rows at least; and eight for each world."""
 
 Table = NDArray[np.float64]
-Feasible = Callable[[EnvConfig, Table], NDArray[np.bool_]]
-"""Which rows of a table a stander of that body can follow."""
+LeastCosts = Callable[[EnvConfig, Table], NDArray[np.float64]]
+"""The least cost of each row of a table, (rows,); nan where a stander of that body cannot follow."""
 
 
-def table(config: EnvConfig, seed: int, feasible: Feasible | None = None, count: int | None = None) -> tuple[Table, float]:
-    """`count` rows with the values of `COLUMNS`, (count, 8). None: `ROWS` or eight for each of the `config.num_envs` worlds,
-    in a multiple of it.
+def table(
+    config: EnvConfig, seed: int, least_costs: LeastCosts | None = None, count: int | None = None
+) -> tuple[Table, NDArray[np.float64], float]:
+    """`count` rows with the values of `COLUMNS`, (count, 8), and their least costs; nan without `least_costs`. `count` None:
+    `ROWS` or eight for each of the `config.num_envs` worlds, in a multiple of it.
 
-    Rows that `feasible` excludes are replaced by later points of the sequence. Also returns the share that was excluded.
-    Raises ValueError if that is nearly everything.
+    Rows that nobody can follow are replaced by later points of the sequence. The last value is their share. Raises
+    ValueError if that is nearly everything.
     """
     bounds = {"freq": config.freq if isinstance(config.freq, tuple) else 2 * (config.freq,)} if config.ramp is None else {}
     bounds |= {name: 2 * (value_of(config, name),) for name in RANGE_KEYS} | config.ranges.given
@@ -37,19 +39,26 @@ def table(config: EnvConfig, seed: int, feasible: Feasible | None = None, count:
     size = config.num_envs * max(8, -(-ROWS // config.num_envs)) if count is None else count
     sequence = qmc.Sobol(int(varied.sum()), rng=np.random.default_rng(seed))
     kept: list[Table] = []
+    costs: list[NDArray[np.float64]] = []
     found = tried = 0
     while found < size:
         points = np.tile(low, (2 ** int(np.ceil(np.log2(size))), 1))
         points[:, varied] += (high - low)[varied] * sequence.random(len(points))
-        able = np.ones(len(points), dtype=bool) if feasible is None else feasible(config, points)
+        cost = np.full(len(points), np.nan) if least_costs is None else least_costs(config, points)
+        able = np.isfinite(cost) | (least_costs is None)
         kept.append(points[able])
+        costs.append(cost[able])
         found, tried = found + int(able.sum()), tried + len(points)
         if found < 0.01 * tried:
             raise ValueError("env.ranges: the limits of torque and foot allow hardly any of these bodies and targets")
-    rows = np.concatenate(kept)[:size]
-    if config.freq_draw == "stratified":
-        rows = rows[np.argsort(rows[:, 0], kind="stable")]
-    return rows, 1.0 - found / tried
+    rows, least = np.concatenate(kept)[:size], np.concatenate(costs)[:size]
+    order = np.argsort(rows[:, 0], kind="stable") if config.freq_draw == "stratified" else np.arange(size)
+    return rows[order], least[order], 1.0 - found / tried
+
+
+def effort_scale(config: EnvConfig, least: NDArray[np.float64]) -> NDArray[np.float64]:
+    """`env.reward.effort_reference` over the least cost of each row, 1 where that is not known."""
+    return np.where(np.isfinite(least), config.reward.effort_reference / least, 1.0)
 
 
 def value_of(config: EnvConfig, name: str) -> float:

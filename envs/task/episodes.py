@@ -29,6 +29,7 @@ class Episodes:
     freq: (N,) float64, frequency of the target at the start of the episode [Hz].
     phase_offset: (N,) float64, added to the target's phase until the end of the episode [rad].
     amplitude: (N,) float64 of the target [m]. tolerance: (N,) of the head around it, `env.reward.tolerance` [m].
+    effort_scale: (N,) see `envs.task.bodies.effort_scale`.
     action: (N, 4) of the last step. track: (N, PAST * PAST_STEPS + 1) target positions of the present and the last control
     steps, the newest first [m].
     target_x, target_vx, target_ax, target_freq, head_x, head_vx, foot_displacement: see `TaskState`.
@@ -37,8 +38,11 @@ class Episodes:
     def __init__(
         self, config: EnvConfig, sim: Simulation, world: torch.Tensor, seed: int, bodies: Table | None = None
     ) -> None:
-        """For the worlds with the numbers `world` (N,) int64 out of `config.num_envs`. With `bodies` (envs/task/bodies.py),
-        body, amplitude and tolerance are drawn with the frequency, and the body's are written to `sim`."""
+        """For the worlds with the numbers `world` (N,) int64 out of `config.num_envs`.
+
+        bodies: rows of `envs.task.bodies.COLUMNS` and `effort_scale`, of which each episode draws one. What is of the body is
+        written to `sim`.
+        """
         n, device = len(world), sim.device
 
         def zeros(*shape: int, dtype: torch.dtype = torch.float32) -> torch.Tensor:
@@ -50,7 +54,8 @@ class Episodes:
         self.freq_low, self.freq_range, self.ramp_rate, self.ramp_duration = (zeros(dtype=torch.float64) for _ in range(4))
         self.amplitude = torch.full_like(self.freq_low, config.amplitude)
         self.tolerance = torch.full((n,), config.reward.tolerance, device=device)
-        self.bodies = torch.zeros(1, len(COLUMNS), dtype=torch.float64, device=device)
+        self.effort_scale = torch.ones_like(self.tolerance)
+        self.bodies = torch.zeros(1, len(COLUMNS) + 1, dtype=torch.float64, device=device)
         self.first_row, self.num_rows = torch.zeros_like(world), torch.zeros_like(world)
         if bodies is not None:
             self.bodies = torch.as_tensor(bodies, device=device)

@@ -35,6 +35,7 @@ class EpisodeArrays:
     ramp_duration: wp.array[wp.float64]
     amplitude: wp.array[wp.float64]
     tolerance: wp.array[float]
+    effort_scale: wp.array[float]
     bodies: wp.array2d[wp.float64]
     first_row: wp.array[wp.int64]
     num_rows: wp.array[wp.int64]
@@ -99,7 +100,7 @@ def _draw_length(arrays: EpisodeArrays, i: int) -> None:
 
 @wp.func
 def _take(arrays: EpisodeArrays, i: int, row: int) -> None:
-    """Body and target of a row of `bodies`, whose columns are `envs.task.bodies.COLUMNS`."""
+    """Body and target of a row of `bodies`, whose columns are `envs.task.bodies.COLUMNS` and `effort_scale`."""
     if arrays.ramp_duration[i] == wp.float64(0.0):
         arrays.freq[i] = arrays.bodies[row, 0]
     else:
@@ -111,6 +112,7 @@ def _take(arrays: EpisodeArrays, i: int, row: int) -> None:
     arrays.joint_damping[i] = float(arrays.bodies[row, 5])
     arrays.friction[i] = float(arrays.bodies[row, 6])
     arrays.tolerance[i] = float(arrays.bodies[row, 7])
+    arrays.effort_scale[i] = float(arrays.bodies[row, 8])
 
 
 @wp.kernel(enable_backward=False)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import numpy as np
 import torch
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
@@ -18,7 +19,7 @@ from envs.task.episodes import FOOT_BODIES, Episodes
 from envs.task.observations import PAST_STEPS, TaskState
 
 _SAVED = {"episode_length_buf": "step"} | {
-    name: name for name in ("episode", "action", "freq", "track", "phase_offset", "amplitude", "tolerance")
+    name: name for name in ("episode", "action", "freq", "track", "phase_offset", "amplitude", "tolerance", "effort_scale")
 }
 """Tensors of `Episodes` that later steps depend on, by their names in a saved state."""
 
@@ -31,7 +32,7 @@ class HeadTrackingEnv(VecEnv):
 
     state: `TaskState` after the last step; in worlds that were reset, of the new episode. Its tensors change in place.
     episodes: `Episodes`, with the time and the target of each world. episode_length_buf: its steps, under rsl-rl's name.
-    infeasible_share: of the points of the ranges that are not drawn, since `feasible` excludes them.
+    infeasible_share: of the points of the ranges that are not drawn, since nobody could follow.
     steps: () int64, control steps that each world has made in all. training_steps: their number in the whole training, which
     schedules of weights refer to; None outside a training, where weights have their final values.
 
@@ -46,10 +47,11 @@ class HeadTrackingEnv(VecEnv):
         device: str,
         part: tuple[int, int] = (0, 1),
         training_steps: int | None = None,
-        feasible: bodies.Feasible | None = None,
+        least_costs: bodies.LeastCosts | None = None,
     ) -> None:
         """Worlds `part[0]`, `part[0] + part[1]`, ... of the `config.num_envs`: one of `part[1]` equal parts, which together
-        behave as one environment with all worlds. feasible: what of `config.ranges` is drawn; None: everything."""
+        behave as one environment with all worlds. least_costs: of what `config.ranges` allows; None: all of it is drawn, and
+        effort counts equally for all."""
         self.config = config
         self.cfg = as_plain(config)
         self.num_envs = config.num_envs // part[1]
@@ -67,7 +69,8 @@ class HeadTrackingEnv(VecEnv):
         worlds = torch.arange(part[0], config.num_envs, part[1], device=sim_device)
         self.infeasible_share, table = 0.0, None
         if config.ranges.given:
-            table, self.infeasible_share = bodies.table(config, seed, feasible)
+            rows, least, self.infeasible_share = bodies.table(config, seed, least_costs)
+            table = np.column_stack([rows, bodies.effort_scale(config, least)])
         self._drawn = [name for name in config.ranges.given if name in SUBJECT]
         self.episodes = Episodes(config, self.sim, worlds, seed, table)
         self.sim.apply_drawn(self._drawn)
@@ -127,7 +130,7 @@ class HeadTrackingEnv(VecEnv):
         training_steps = state.get("training_steps", self.training_steps)
         if training_steps != self.training_steps:
             self.training_steps, self._graph = training_steps, None
-        state = {name: getattr(self.episodes, name) for name in ("amplitude", "tolerance")} | state
+        state = {name: getattr(self.episodes, name) for name in ("amplitude", "tolerance", "effort_scale")} | state
         state = {"phase_offset": torch.zeros_like(self.episodes.freq)} | state
         self.sim.load_state_dict(state["simulation"])
         for name, attribute in _SAVED.items():
@@ -221,11 +224,14 @@ class HeadTrackingEnv(VecEnv):
         stay = rewards.closeness(state.foot_displacement.mean(-1), terms.stay_sharpness)
         tracking = rewards.closeness(state.target_x - state.head_x, terms.target_sharpness)
         energy, torque = rewards.effort(state.action, state.joint_velocity, config)
+        effort = energy + torque
+        if config.ranges.given and terms.effort_exponent != 0.0:
+            effort = effort * self.episodes.effort_scale ** weight(terms.effort_exponent)
         reward = (
             weight(terms.stay_weight) * stay
             + weight(terms.target_weight) * tracking
             + weight(terms.alive)
-            + weight(config.energy_weight) * (energy + torque)
+            + weight(config.energy_weight) * effort
         )
         if terms.tolerance_weight:
             reward = reward - terms.tolerance_weight * rewards.beyond(state.target_x - state.head_x, self.episodes.tolerance)

@@ -8,7 +8,7 @@ from envs.config import EnvConfig
 from envs.task import bodies
 from envs.task.bodies import COLUMNS, Table
 from posture.config.map import MapConfig
-from posture.theory.feasible import feasible
+from posture.theory.least_costs import least_costs
 
 RANDOM = "random"
 """Name of the trials that are drawn from all ranges together."""
@@ -37,5 +37,5 @@ def trials(config: MapConfig, env: EnvConfig) -> Trials:
     ]
     rows = [np.array([[values[name] for name in COLUMNS] for _, values in found]).reshape(-1, len(COLUMNS))]
     if config.random:
-        rows.append(bodies.table(env, config.seed + 2**31, feasible, config.random)[0])
+        rows.append(bodies.table(env, config.seed + 2**31, least_costs, config.random)[0])
     return Trials([name for name, _ in found] + config.random * [RANDOM], np.concatenate(rows))

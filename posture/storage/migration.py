@@ -64,6 +64,8 @@ def _from_5(values: dict[str, Any]) -> dict[str, Any]:
     """Every world had the same body."""
     with contextlib.suppress(KeyError, TypeError, AttributeError):  # as above
         values["env"].setdefault("ranges", dict.fromkeys(RANGE_KEYS))
+        values["env"]["reward"].setdefault("effort_exponent", 0.0)
+        values["env"]["reward"].setdefault("effort_reference", 0.03)  # without effect
     return values
 
 

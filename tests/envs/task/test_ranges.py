@@ -78,7 +78,7 @@ def test_draws_are_independent_of_the_number_of_processes(varied):
 
 
 def test_the_table_fills_the_ranges_more_evenly_than_independent_draws(varied):
-    rows, share = bodies.table(varied, 1)
+    rows, _, share = bodies.table(varied, 1)
     assert rows.shape == (16_384, 8) and share == 0.0
     low, high = rows.min(0), rows.max(0)
     unit = (rows - low) / (high - low)
@@ -160,12 +160,30 @@ def test_a_saved_state_continues_exactly(varied):
 
 def test_what_is_not_feasible_is_not_drawn(varied):
     def soft(config, rows):
-        return rows[:, bodies.COLUMNS.index("hip_k")] < 60.0
+        return np.where(rows[:, bodies.COLUMNS.index("hip_k")] < 60.0, 0.01, np.nan)
 
-    env = HeadTrackingEnv(varied, 1, "cpu", feasible=soft)
+    env = HeadTrackingEnv(varied, 1, "cpu", least_costs=soft)
     assert env.infeasible_share == pytest.approx(0.8, abs=0.01)
     for action in actions(50):
         env.step(action)
         assert env.sim.hip_k.max() < 60.0
     with pytest.raises(ValueError, match=r"env\.ranges: the limits of torque and foot allow hardly any"):
-        HeadTrackingEnv(varied, 1, "cpu", feasible=lambda config, rows: np.zeros(len(rows), dtype=bool))
+        HeadTrackingEnv(varied, 1, "cpu", least_costs=lambda config, rows: np.full(len(rows), np.nan))
+
+
+@pytest.mark.parametrize("exponent", [0.0, 0.5, 1.0])
+def test_effort_counts_relative_to_the_least_cost(env_config, exponent):
+    """A body of a quarter of the reference's cost, by hand: effort counts 4 ** exponent times."""
+    keys = [
+        "env.hip_k=[25,200]",
+        f"env.reward.effort_exponent={exponent}",
+        "env.freq=0.5",
+        "env.reward.effort_reference=0.04",
+    ]
+    env = HeadTrackingEnv(env_config(*keys), 1, "cpu", least_costs=lambda config, rows: np.full(len(rows), 0.01))
+    plain = HeadTrackingEnv(env_config(*keys), 1, "cpu")
+    idle = HeadTrackingEnv(env_config(*keys, "env.energy_weight=0"), 1, "cpu")
+    action = torch.full((4, 2), 0.1)
+    with_scale, without, free = (each.step(action)[1] for each in (env, plain, idle))
+    torch.testing.assert_close(with_scale - free, 4**exponent * (without - free), rtol=1e-3, atol=1e-6)
+    assert (without < free).all()

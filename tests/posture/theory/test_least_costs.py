@@ -1,0 +1,29 @@
+"""The quick least costs against the theory of least cost."""
+
+import numpy as np
+import pytest
+
+from envs.body.segments import read_segments
+from envs.task import bodies
+from posture.theory.least_costs import least_costs
+from posture.theory.prediction import predict
+
+
+@pytest.mark.parametrize("limits", [[], ["env.torque_limit=45"]])
+def test_as_the_program_of_least_cost_says(env_config, limits):
+    """Of 64 bodies and targets. With few harmonics a motion at the edge may be missed; sinusoids cost a little more."""
+    keys = ["env.hip_k=[25,200]", "env.load=[0,8]", "env.amplitude=[0.04,0.2]", "env.freq=[0.1,1.5]"]
+    config = env_config(*keys, "env.reward.tolerance=[0.01,0.03]", *limits)
+    rows = bodies.table(config, 1, count=64)[0]
+    found = least_costs(config, rows)
+    body, ratios = read_segments(config), []
+    for row, cost in zip(rows, found, strict=True):
+        values = dict(zip(bodies.COLUMNS, row, strict=True))
+        own = {name: values[name] for name in ("hip_k", "ankle_k", "load", "amplitude", "joint_damping")}
+        expected = predict(body, config.model_copy(update=own), values["freq"], values["tolerance"], 100.0)
+        assert expected.feasible or np.isnan(cost)
+        if np.isfinite(cost):
+            ratios.append(cost / expected.least.cost)
+    assert 0.3 < np.isfinite(found).mean() <= 1.0
+    assert bool(np.isfinite(found).all()) != bool(limits)
+    assert min(ratios) > 0.99 and np.median(ratios) < 1.1
