@@ -40,8 +40,8 @@ class Episodes:
     ) -> None:
         """For the worlds with the numbers `world` (N,) int64 out of `config.num_envs`.
 
-        bodies: rows of `envs.task.bodies.COLUMNS` and `effort_scale`, of which each episode draws one. What is of the body is
-        written to `sim`.
+        bodies: rows of `envs.task.bodies.COLUMNS` and `effort_scale`, of which each episode draws one. What is of the body
+        is written to `sim`.
         """
         n, device = len(world), sim.device
 
