@@ -17,6 +17,7 @@ from posture.config.eval import EvalConfig
 from posture.config.export import ExportConfig
 from posture.config.film import FilmConfig
 from posture.config.import_checkpoint import ImportConfig
+from posture.config.map import MapConfig
 from posture.config.play import PlayConfig
 from posture.config.reproduce import ReproduceConfig
 from posture.config.theory import TheoryConfig
@@ -27,6 +28,8 @@ from posture.export.__main__ import export
 from posture.film.__main__ import check as check_film
 from posture.film.__main__ import film
 from posture.import_checkpoint import import_checkpoint
+from posture.map.__main__ import check as check_map
+from posture.map.__main__ import make_map
 from posture.play.__main__ import check as check_play
 from posture.play.__main__ import play
 from posture.reproduce.__main__ import reproduce
@@ -58,6 +61,7 @@ ENTRIES = {
     "train": (TrainConfig, train, check_train),
     "import_checkpoint": (ImportConfig, import_checkpoint),
     "eval": (EvalConfig, evaluate_all),
+    "map": (MapConfig, make_map, check_map),
     "theory": (TheoryConfig, theory),
     "reproduce": (ReproduceConfig, reproduce),
     "play": (PlayConfig, play, check_play),

@@ -1,0 +1,109 @@
+"""The map: its trials against those of posture.eval, its summary by hand, and the command."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from envs.task.bodies import COLUMNS
+from posture.analysis.results import LeastCost, Origin, Result
+from posture.cli import jobs
+from posture.config.map import MapConfig
+from posture.evaluation.many_bodies import evaluate_many, with_least_cost
+from posture.evaluation.trial import evaluate_at
+from posture.map.summary import Transition, agreement, transitions
+from posture.map.trials import RANDOM, Trials, trials
+from posture.storage import run_dir
+from tests.commands import TINY, call, refused, runs, table
+from tests.conftest import compose
+
+BODY = {"hip_k": 60.0, "ankle_k": 30.0, "load": 2.0, "amplitude": 0.08}
+SMALL = ["freq={low:0.5,high:1.0,step:0.5}", "evaluation.duration=2", "evaluation.transient=0"]
+
+
+def map_config(*overrides):
+    return jobs.compose("map", MapConfig, *overrides)
+
+
+def row(freq, r, ratio, *, fell=False, hip_k=100.0):
+    least = LeastCost(cost=math.nan if ratio is None else 1.0)
+    values = {"freq_hz": freq, "hip_k_nm_per_rad": hip_k, "ankle_k_nm_per_rad": 25.0, "load_kg": 0.0}
+    state = {"valid": not fell, "fell": fell, "hip_ankle_r": r, "cost_ratio": math.nan if ratio is None else ratio}
+    return Result(origin=Origin(seed=1, amplitude_m=0.1), **values, **state, least=least)
+
+
+def test_trials_are_those_of_posture_eval():
+    """Bodies of one batch, each beside a trial of its own."""
+    model = run_dir.find_checkpoint("pretrained")
+    run = run_dir.read_config(model.parent)
+    evaluation = run.evaluation.model_copy(update={"duration": 20.0})
+    plain = {"joint_damping": 1.0, "friction": 1.0, "tolerance": evaluation.tolerance}
+    rows = np.array(
+        [
+            [{**plain, **BODY, "freq": freq, "load": load}[name] for name in COLUMNS]
+            for freq, load in ((0.5, 2.0), (1.2, 0.0))
+        ]
+    )
+    found = with_least_cost(evaluate_many(model, run, rows, evaluation, "cpu"), rows, run.env, 20.0)
+    for one, (freq, load) in zip(found, ((0.5, 2.0), (1.2, 0.0)), strict=True):
+        (expected,), _ = evaluate_at([freq], "pretrained", 20.0, **BODY | {"load": load})
+        assert one.cost == pytest.approx(expected.cost, rel=1e-6) and one.cost_ratio == pytest.approx(
+            expected.cost_ratio, rel=1e-6
+        )
+        assert one.hip_ankle_r == pytest.approx(expected.hip_ankle_r, abs=1e-6)
+        assert (one.load_kg, one.origin.amplitude_m) == (load, 0.08)
+
+
+def test_which_trials():
+    config = map_config("varied={hip_k:[50,100],ankle_k:[],load:[4],amplitude:[]}", "random=5", *SMALL)
+    found = trials(config, compose("env=many_bodies", "agent=universal").env)
+    assert found.varied == 4 * ["hip_k"] + 2 * ["load"] + 5 * [RANDOM]
+    columns = dict(zip(COLUMNS, found.rows.T, strict=True))
+    assert columns["freq"][:6].tolist() == [0.5, 1.0, 0.5, 1.0, 0.5, 1.0]
+    assert columns["hip_k"][:6].tolist() == [50.0, 50.0, 100.0, 100.0, 125.0, 125.0]
+    assert columns["load"][:6].tolist() == [0.0, 0.0, 0.0, 0.0, 4.0, 4.0]
+    assert (columns["amplitude"][:6] == 0.1).all() and (columns["tolerance"][:6] == 0.025).all()
+    assert len({*columns["hip_k"][6:]}) == len({*columns["load"][6:]}) == 5
+
+
+def test_agreement_by_hand():
+    """Of five cells one is infeasible, one at the transition, one fell; of the others one has the wrong mode."""
+    results = [
+        row(0.3, 0.9, 1.1),
+        row(0.4, -0.9, 1.3),
+        row(0.6, -0.1, 1.0),
+        row(0.9, math.nan, 1.0, fell=True),
+        row(1.2, -1.0, None),
+    ]
+    found = Trials(5 * ["hip_k"], np.zeros((5, 8)))
+    (answer,) = agreement(found, 1, results, [Transition("hip_k", 100.0, 1, 0.5, 0.5, 0.61)])
+    assert (answer.trials, answer.falls) == (4, 1)
+    assert answer.cost_ratio_mean == pytest.approx(3.4 / 3) and answer.cost_ratio_max == pytest.approx(1.3)
+    assert answer.below_120 == pytest.approx(2 / 3)
+    assert answer.same_mode == pytest.approx(1 / 3)  # right, wrong, fell
+
+
+def test_transitions_of_policy_and_theory():
+    """The policy's by interpolation; theory's of the default body are those of posture.theory (docs/theory.md)."""
+    config = map_config("varied={hip_k:[125],ankle_k:[],load:[],amplitude:[]}", "random=0", *SMALL)
+    results = [row(0.6, 0.5, 1.0, hip_k=125.0), row(0.7, -0.5, 1.0, hip_k=125.0)]
+    (answer,) = transitions(config, compose().env, Trials(2 * ["hip_k"], np.zeros((2, 8))), {1: results})
+    assert answer.policy_hz == pytest.approx(0.65)
+    assert answer.least_hz == pytest.approx(0.627, abs=0.03) and answer.reward_hz == pytest.approx(0.682, abs=0.005)
+
+
+def test_the_command_from_a_training_on(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    call(monkeypatch, "train", *TINY, "env=many_bodies", "agent=universal", "evaluate=false")
+    varied = "varied={hip_k:[100,150],ankle_k:[],load:[0,4],amplitude:[]}"
+    call(monkeypatch, "map", f"ckpt={runs()[0]}", varied, "random=4", "out=map", *SMALL)
+    rows = table(Path("map/map.csv"))
+    assert [one["varied"] for one in rows] == 4 * ["hip_k"] + 4 * ["load"] + 4 * ["random"]
+    assert all(float(one["least_cost"]) > 0 for one in rows)
+    assert {one["varied"] for one in table(Path("map/agreement.csv"))} == {"hip_k", "load", "random"}
+    assert len(table(Path("map/transitions.csv"))) == 4 and Path("map/map.png").stat().st_size > 10_000
+    assert "nowhere: no such file" in refused(monkeypatch, capsys, "map", "ckpt=nowhere")
+    assert "make 0 trials" in refused(
+        monkeypatch, capsys, "map", "random=0", "varied={hip_k:[],ankle_k:[],load:[],amplitude:[]}"
+    )
