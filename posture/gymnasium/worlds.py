@@ -12,6 +12,7 @@ from envs.task.head_tracking import HeadTrackingEnv
 from envs.task.observations import components
 from posture.config.gymnasium import GymnasiumConfig
 from posture.gymnasium.picture import Frame, Picture
+from posture.theory.least_costs import least_costs
 
 Array = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -25,7 +26,7 @@ class Worlds(HeadTrackingEnv):
     """
 
     def __init__(self, config: GymnasiumConfig) -> None:
-        super().__init__(config.env, 0, "cpu", training_steps=config.training_steps)
+        super().__init__(config.env, 0, "cpu", training_steps=config.training_steps, least_costs=least_costs)
         terms = [term for group in config.env.observations.values() for term in group]
         self.observation_space = spaces.Box(-np.inf, np.inf, (len(components(terms)),), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (len(KINDS),), np.float32)
