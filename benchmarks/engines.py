@@ -11,7 +11,7 @@ Engines:
         of an array, so memory per world is not reported.
     gymnasium: `gymnasium.make_vec` of this package: sagittal with NumPy arrays in and out, one thread.
     gymnasium_async: the same with `vectorization_mode="async"`: single environments in Gymnasium's AsyncVectorEnv, one
-        process per world; up to 64 worlds.
+        process per world; up to 16 worlds.
 
 Prints and writes one row per measurement: control steps/s over all worlds (two physics steps each as configured), and bytes
 per world: the growth of memory over the smallest number of worlds, divided by the number of added worlds. Physics alone
@@ -43,8 +43,8 @@ TRIAL = 32
 """Control steps from standing: half a second, in which the feet stay on the ground."""
 NOISE = 0.2
 """Standard deviation of the random actions, that of an untrained policy; that of the torques is a tenth of it."""
-MOST = {"gymnasium_async": 64}
-"""Largest number of worlds that an engine is run with, since more processes take too long to start."""
+MOST = {"gymnasium_async": 16}
+"""Largest number of worlds that an engine is run with: each of these processes holds torch and Warp, 0.4 GB."""
 BLOCK = 1024
 """Worlds in one call of mujoco.rollout: enough to keep its threads busy, few enough for a short call."""
 NOTICEABLE = 4 * 2**20

@@ -16,6 +16,9 @@ Policy = Callable[[TensorDict], torch.Tensor]
 MIN_LOAD_N = 1.0
 """With less force under the feet than this the centre of pressure is undefined [N]."""
 
+CHECKED_STEPS = 100
+"""Control steps between two checks for contacts that the solver had no room for; a GPU is waited for."""
+
 
 def rollout(env: HeadTrackingEnv, policy: Policy, freq: torch.Tensor | None, duration: float) -> Trajectory:
     """Let `policy` act in every world of `env` from standing, for `duration` [s]; world i follows `freq`[i] [Hz] (N,).
@@ -42,6 +45,8 @@ def rollout(env: HeadTrackingEnv, policy: Policy, freq: torch.Tensor | None, dur
             fall_step = torch.where(fell, step, fall_step)
             for name, signal in _SIGNALS.items():
                 records[name].append(signal(env).double())
+            if step % CHECKED_STEPS == 0:  # not only at the end, after minutes of physics that is not as configured
+                env.sim.check_capacity()
     env.sim.check_capacity()
     arrays = {name: torch.stack(values).cpu().numpy() for name, values in records.items()}
     for world, fall in enumerate(fall_step.tolist()):

@@ -304,7 +304,8 @@ def check_command_lines(folder, examples):
 
     with contextlib.chdir(folder):
         check()
-    assert min(outcomes[0], outcomes[2]) >= examples // 10, outcomes
+    if examples >= 100:  # among few, all may be refused
+        assert min(outcomes[0], outcomes[2]) >= examples // 10, outcomes
 
 
 def test_any_command_line_runs_or_is_refused_in_one_line(tmp_path):

@@ -3,6 +3,7 @@
 import json
 import shutil
 import struct
+import time
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,7 @@ def test_wandb_continues_the_run_of_a_training_that_is_resumed(tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("WANDB_MODE", "offline")
     call(monkeypatch, "train", *QUICK, "agent.logger=wandb")
+    time.sleep(1.1)  # wandb's file is named by the second
     call(monkeypatch, "train", "resume=run", "max_iterations=4")
     found = list(records("run"))
     begun = [record.run for record in found if record.WhichOneof("record_type") == "run"]
