@@ -48,10 +48,10 @@ def test_trials_are_those_of_posture_eval():
     found = with_least_cost(evaluate_many(model, run, rows, evaluation, "cpu"), rows, run.env, 20.0)
     for one, (freq, load) in zip(found, ((0.5, 2.0), (1.2, 0.0)), strict=True):
         (expected,), _ = evaluate_at([freq], "pretrained", 20.0, **BODY | {"load": load})
-        assert one.cost == pytest.approx(expected.cost, rel=1e-6) and one.cost_ratio == pytest.approx(
-            expected.cost_ratio, rel=1e-6
+        assert one.cost == pytest.approx(expected.cost, rel=1e-4) and one.cost_ratio == pytest.approx(
+            expected.cost_ratio, rel=1e-4
         )
-        assert one.hip_ankle_r == pytest.approx(expected.hip_ankle_r, abs=1e-6)
+        assert one.hip_ankle_r == pytest.approx(expected.hip_ankle_r, abs=1e-4)
         assert (one.load_kg, one.origin.amplitude_m) == (load, 0.08)
 
 
