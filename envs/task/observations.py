@@ -263,7 +263,7 @@ def body(state: TaskState) -> "torch.Tensor":
     import torch
 
     own = (state.hip_k, state.ankle_k, state.load, state.joint_damping, state.friction)
-    return torch.stack((*own, state.amplitude.float(), state.tolerance), dim=-1)
+    return torch.stack((*own, state.amplitude.to(state.tolerance.dtype), state.tolerance), dim=-1)
 
 
 @_term(("target_x_minus_head_x", "m"))
