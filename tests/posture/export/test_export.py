@@ -280,7 +280,8 @@ def test_names_of_the_components_belong_to_their_values():
     )  # fmt: skip
     expected = {
         "hip_k": 60.0, "ankle_k": 30.0, "load": 2.0, "joint_damping": 1.5, "friction": 0.9, "amplitude": 0.08,
-        "tolerance": 0.02, "torso_z": 1.3, "torso_vx": 0.21, "torso_vy": 0.22, "torso_vz": 0.23, "torso_wx": 0.24, "torso_wy": 0.25,
+        "tolerance": 0.02,
+        "torso_z": 1.3, "torso_vx": 0.21, "torso_vy": 0.22, "torso_vz": 0.23, "torso_wx": 0.24, "torso_wy": 0.25,
         "torso_wz": 0.26, "torso_pitch": 0.0, "torso_yaw": 0.3, "torso_roll": 0.0, "torso_upright": 1.0,
         "foot_left_x": 0.31, "foot_left_y": 0.32, "foot_left_z": 0.33,
         "foot_right_x": 0.35, "foot_right_y": 0.36, "foot_right_z": 0.39, "feet_x_mean": 0.33, "feet_z_mean": 0.36,
