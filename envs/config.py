@@ -107,10 +107,17 @@ class RewardConfig(Strict):
     joint_limit_weight: Annotated[float, Field(ge=0, le=10_000)]
     torque_unit: Literal["newton_metre", "normalised"]
     energy_unit: Literal["joule", "normalised", "authors_code"]
-    effort_exponent: Weight
+    effort_exponent: Annotated[float, Field(ge=0, le=2)] | Schedule
     effort_reference: Annotated[float, Field(gt=0, le=4)]
     ended: Weight | None
     scale: Annotated[float, Field(ge=1e-6, le=1000)]
+
+    @model_validator(mode="after")
+    def _small_exponent(self) -> "RewardConfig":
+        exponent = self.effort_exponent
+        if isinstance(exponent, Schedule) and not 0 < max(exponent.start, exponent.end) <= 2:
+            raise ValueError("effort_exponent: allowed is a schedule between 0 and 2")
+        return self
 
 
 class TerminationConfig(Strict):

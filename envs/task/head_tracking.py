@@ -234,7 +234,7 @@ class HeadTrackingEnv(VecEnv):
             + weight(config.energy_weight) * effort
         )
         if terms.tolerance_weight:
-            reward = reward - terms.tolerance_weight * rewards.beyond(state.target_x - state.head_x, self.episodes.tolerance)
+            reward = reward - terms.tolerance_weight * rewards.beyond(state.target_x - state.head_x, state.tolerance)
         if terms.joint_limit_weight:
             scaled = (state.joint_angle - self._limit_centre) / self._limit_half
             reward = reward - terms.joint_limit_weight * rewards.joint_limit(scaled)

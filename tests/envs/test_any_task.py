@@ -58,10 +58,15 @@ def schedule(weight):
 
 TASK = with_changes(
     WHOLE["train"]["env"],
-    [(("num_envs",), 8), (("energy_weight",), schedule(20.0)), (("reward", "alive"), schedule(1.0))],
+    [
+        (("num_envs",), 8),
+        (("energy_weight",), schedule(20.0)),
+        (("reward", "alive"), schedule(1.0)),
+        (("reward", "effort_exponent"), schedule(0.5)),
+    ],
 )
 """The default task with a schedule wherever one is possible."""
-ENDS = [(path, end) for path, end in ends(EnvConfig) if path[0] != "ramp"]
+ENDS = [(path, end) for path, end in ends(EnvConfig) if path[0] not in ("ramp", "ranges")]
 ALONE = [(path, end) for path, end in ENDS if allowed(EnvConfig, TASK, [(path, end)])]
 
 
@@ -76,6 +81,7 @@ def test_only_ends_that_contradict_another_key_are_refused_alone():
     weights = [("energy_weight",), *(("reward", name) for name in ("stay_weight", "target_weight", "alive", "ended"))]
     other_sign = {(weight, 1e4 if weight[-1] == "ended" else -1e4) for weight in weights}
     schedules = {((*weight, side), end) for weight, end in other_sign for side in ("start", "end")}
+    schedules |= {(("reward", "effort_exponent", side), end) for side in ("start", "end") for end in (-1e4, 1e4)}
     others = {
         ("amplitude", 0.001),
         ("control_dt", 0.1),
@@ -84,7 +90,7 @@ def test_only_ends_that_contradict_another_key_are_refused_alone():
         ("solver.substeps", 1),
     }
     expected = schedules | {(tuple(name.split(".")), end) for name, end in others}
-    assert set(ENDS) - set(ALONE) == expected and len(expected) == 15
+    assert set(ENDS) - set(ALONE) == expected and len(expected) == 19
     assert len(ALONE) >= 70
 
 

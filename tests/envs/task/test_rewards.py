@@ -63,6 +63,7 @@ def total(config, head_error, foot, action, velocity, ended=False):
         action=torch.tensor([action]),
         joint_velocity=torch.tensor([velocity]),
         joint_angle=torch.zeros(1, 4),
+        tolerance=torch.tensor([config.reward.tolerance]),
     )
     env._limit_centre, env._limit_half = torch.zeros(4), torch.ones(4)
     return float(env._reward(torch.tensor([ended])))
