@@ -214,7 +214,7 @@ class EnvConfig(Strict):
         parts = {"": dict(values), "reward": dict(reward) if isinstance(reward, dict) else {}}
         ranges = dict(values["ranges"])
         for name, key in RANGE_KEYS.items():
-            part, value = parts[key.rpartition(".")[0]], None
+            part = parts[key.rpartition(".")[0]]
             if isinstance(value := part.get(name), (list, tuple)):
                 if len(value) != 2 or not all(type(bound) in (int, float) for bound in value):
                     raise ValueError(f"{key} = {list(value)}: allowed is a number, or a range [low, high]")

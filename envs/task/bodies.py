@@ -29,21 +29,22 @@ def table(
     """`count` rows with the values of `COLUMNS`, (count, 8), and their least costs; nan without `least_costs`. `count` None:
     `ROWS` or eight for each of the `config.num_envs` worlds, in a multiple of it.
 
-    Rows that nobody can follow are replaced by later points of the sequence. The last value is their share. Raises
-    ValueError if that is nearly everything.
+    Targets that the body cannot follow are replaced by later points of the sequence. The last value is their share. Raises
+    ValueError if they are nearly all.
     """
-    bounds = {"freq": config.freq if isinstance(config.freq, tuple) else 2 * (config.freq,)} if config.ramp is None else {}
+    drawn = isinstance(config.freq, tuple) and config.ramp is None
+    bounds = {"freq": config.freq if drawn else 2 * (config.highest_freq,)}  # a ramp must be feasible at its highest
     bounds |= {name: 2 * (value_of(config, name),) for name in RANGE_KEYS} | config.ranges.given
-    low, high = np.array([bounds.get(name, (0.0, 0.0)) for name in COLUMNS]).T
+    low, high = np.array([bounds[name] for name in COLUMNS]).T
     varied = high > low
     size = config.num_envs * max(8, -(-ROWS // config.num_envs)) if count is None else count
-    sequence = qmc.Sobol(int(varied.sum()), rng=np.random.default_rng(seed))
+    sequence = qmc.Sobol(max(1, int(varied.sum())), rng=np.random.default_rng(seed))
     kept: list[Table] = []
     costs: list[NDArray[np.float64]] = []
     found = tried = 0
     while found < size:
         points = np.tile(low, (2 ** int(np.ceil(np.log2(size))), 1))
-        points[:, varied] += (high - low)[varied] * sequence.random(len(points))
+        points[:, varied] += (high - low)[varied] * sequence.random(len(points))[:, : varied.sum()]
         cost = np.full(len(points), np.nan) if least_costs is None else least_costs(config, points)
         able = np.isfinite(cost) | (least_costs is None)
         kept.append(points[able])

@@ -32,7 +32,7 @@ class HeadTrackingEnv(VecEnv):
 
     state: `TaskState` after the last step; in worlds that were reset, of the new episode. Its tensors change in place.
     episodes: `Episodes`, with the time and the target of each world. episode_length_buf: its steps, under rsl-rl's name.
-    infeasible_share: of the points of the ranges that are not drawn, since nobody could follow.
+    infeasible_share: share of the ranges that is not drawn, because the body could not follow the target.
     steps: () int64, control steps that each world has made in all. training_steps: their number in the whole training, which
     schedules of weights refer to; None outside a training, where weights have their final values.
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 
-import numpy as np
 import torch
 
 from envs.body.segments import Segments, read_segments
@@ -81,13 +80,3 @@ class _Least:
         own = {name: values[name] for name in (*SUBJECT, "amplitude")}
         env = self._env.model_copy(update=own)
         return predict(self._body, env, values["freq"], values["tolerance"], self._duration).least
-
-
-def nominal(env: EnvConfig, tolerance: float) -> dict[str, float]:
-    """The values of `COLUMNS` but the frequency that a trial has, the head within `tolerance` [m]."""
-    return {name: tolerance if name == "tolerance" else float(getattr(env, name)) for name in COLUMNS[1:]}
-
-
-def table_of(values: Sequence[dict[str, float]]) -> Table:
-    """Rows with the values of `COLUMNS`."""
-    return np.array([[value[name] for name in COLUMNS] for value in values], dtype=np.float64)

@@ -267,7 +267,7 @@ def trial_config(env: EnvConfig, evaluation: EvaluationConfig, changes: EnvChang
     values["num_envs"] = len(evaluation.freq)
     values["episode_steps"] = 2 * round(evaluation.duration / env.control_dt) + 1
     values["termination"] |= {"foot_motion": None, "head_tolerance": None}
-    if env.ranges.tolerance is not None:  # a policy that was trained on several is told that of the trial
+    if env.ranges.tolerance is not None:  # the policy may observe it
         values["reward"]["tolerance"] = evaluation.tolerance
     try:
         return read(EnvConfig, values)

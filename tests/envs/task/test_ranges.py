@@ -193,3 +193,10 @@ def test_effort_counts_relative_to_the_least_cost(env_config, exponent):
     with_scale, without, free = (each.step(action)[1] for each in (env, plain, idle))
     torch.testing.assert_close(with_scale - free, 4**exponent * (without - free), rtol=1e-3, atol=1e-6)
     assert (without < free).all()
+
+
+def test_ranges_beside_a_ramp_are_feasible_at_its_highest_frequency(env_config):
+    config = env_config("env.hip_k=[25,200]", "env.ramp={start:0.1,rate:0.1,duration:5}")
+    assert set(bodies.table(config, 1, count=8)[0][:, 0]) == {0.6}
+    env = HeadTrackingEnv(config, 1, "cpu", least_costs=lambda config, rows: np.full(len(rows), 0.01))
+    assert (env.episodes.freq == 0.1).all() and len(env.sim.hip_k.unique()) == 4
