@@ -266,6 +266,15 @@ def body(state: TaskState) -> "torch.Tensor":
     return torch.stack((*own, state.amplitude.to(state.tolerance.dtype), state.tolerance), dim=-1)
 
 
+@_term(*((f"{kind}_passive_torque", "Nm") for kind in KINDS))
+def passive_torque(state: TaskState) -> "torch.Tensor":
+    """Torque of spring and damper at one hip and at one ankle, means of left and right. Its sign is that of the action."""
+    import torch
+
+    stiffness = torch.stack((state.hip_k, state.ankle_k), dim=-1)
+    return -stiffness * hip_ankle_angle(state) - state.joint_damping[:, None] * hip_ankle_velocity(state)
+
+
 @_term(("target_x_minus_head_x", "m"))
 def target_error(state: TaskState) -> "torch.Tensor":
     """Target minus head along x."""
