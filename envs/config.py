@@ -47,6 +47,7 @@ Amplitude = Annotated[float, Field(ge=0.001, le=2)]
 HipStiffness = Annotated[float, Field(ge=0, le=2000)]
 AnkleStiffness = Annotated[float, Field(ge=0, le=400)]
 Load = Annotated[float, Field(ge=0, le=50)]
+LoadPlace = Annotated[float, Field(ge=-1, le=1)]
 JointDamping = Annotated[float, Field(ge=0, le=1000)]
 Friction = Annotated[float, Field(ge=0.01, le=5)]
 HeadTolerance = Annotated[float, Field(gt=0, le=2)]
@@ -109,6 +110,7 @@ class RewardConfig(Strict):
     energy_unit: Literal["joule", "normalised", "authors_code"]
     effort_exponent: Annotated[float, Field(ge=0, le=2)] | Schedule
     effort_reference: Annotated[float, Field(gt=0, le=4)]
+    effort_scale_max: Annotated[float, Field(ge=1, le=1e6)]
     ended: Weight | None
     scale: Annotated[float, Field(ge=1e-6, le=1000)]
 
@@ -182,6 +184,7 @@ class EnvConfig(Strict):
     hip_k: HipStiffness
     ankle_k: AnkleStiffness
     load: Load
+    load_at: tuple[LoadPlace, LoadPlace] | None
     ranges: Ranges
     energy_weight: Annotated[float, Field(ge=0, le=10_000)] | Schedule
 

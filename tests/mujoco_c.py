@@ -7,11 +7,24 @@ from envs.body.joints import BODIES, FEET, JOINTS
 from envs.body.model import MJCF
 
 
+def with_load(config, spec=None):
+    """MuJoCo's model of the body, or of `spec`, with the load of `config`; at a place of its own it is a body of its own."""
+    spec = spec or mujoco.MjSpec.from_file(str(MJCF))
+    if config.load and config.load_at:
+        x, z = config.load_at
+        place = spec.body("hat").add_body(name="load", pos=[x, 0.0, z])
+        place.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[2e-5, 0, 0], mass=config.load, contype=0, conaffinity=0)
+    model = spec.compile()
+    if not config.load_at:
+        model.body("hat").mass += config.load
+    return model
+
+
 class MujocoC:
     """The same file in MuJoCo's C solver, with springs, damping, armature, friction, load and contact bias of `config`."""
 
     def __init__(self, config, height=0.0, timestep=None):
-        model = mujoco.MjModel.from_xml_path(str(MJCF))
+        model = with_load(config)
         model.opt.timestep = timestep or config.control_dt / config.solver.substeps
         model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
         model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
@@ -21,7 +34,6 @@ class MujocoC:
         model.dof_damping[dofs] = config.joint_damping
         model.dof_armature[dofs] = config.joint_armature
         model.geom_friction[:, 0] = config.friction
-        model.body("hat").mass[0] += config.load
         self.model, self.data, self.dofs = model, mujoco.MjData(model), dofs
         self.contact_bias, self._other = config.solver.contact_bias, mujoco.MjData(model)
         mujoco.mj_setConst(model, self.data)  # the softness of constraints depends on armature and masses

@@ -71,7 +71,7 @@ def geometry(model: newton.Model) -> Geometry:
     limits = [getattr(model, name).numpy()[last - len(JOINTS) : last] for name in ("joint_limit_lower", "joint_limit_upper")]
     return Geometry(
         head=place[labels.index("head")][:3],
-        hat_com=model.body_com.numpy()[BODIES.index("hat")],
+        hat_com=model.body_com.numpy()[BODIES.index("hat")].copy(),  # loads change the model's
         heel_x=float(place[sole][0]) - half_length,
         toe_x=float(place[sole][0]) + half_length,
         joint_limits=np.stack(limits),

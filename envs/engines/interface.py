@@ -21,8 +21,8 @@ class Simulation(Protocol):
         joint_angle, joint_velocity: (N, 4) [rad], [rad/s].
         joint_force: (N, 4) torque about each joint axis by actuator, spring and damper over the last substep [Nm].
         body_pose: (N, 5, 7) frame of each body in `envs.body.joints.BODIES`: position [m], quaternion x y z w.
-        body_velocity: (N, 5, 6) linear velocity of the body's centre of mass [m/s], angular velocity [rad/s], both in the
-            world frame.
+        body_velocity: (N, 5, 6) linear velocity of the body's centre of mass [m/s], of the HAT's without its load, and
+            angular velocity [rad/s], both in the world frame.
         sole_force: (N, 2, 2, 3) force of the ground on left and right foot at heel and toe, world frame [N], as of the
             last substep; zero after a reset, before the first step.
         sole_position: (N, 2, 2, 3) where it acts, in the foot frame [m]; without meaning where there is no force.
@@ -65,7 +65,7 @@ class Simulation(Protocol):
     def set_subject(self, **changes: torch.Tensor) -> None:
         """Give each world its own values of some of `SUBJECT`, (N,).
 
-        The load is a point mass at the centre of mass of the HAT: it adds mass and no inertia about that centre.
+        The load is a point mass on the HAT, at its centre of mass or at `EnvConfig.load_at`.
         """
         for name, value in changes.items():
             if value.shape != (self.num_worlds,) or not bool((value >= 0).all()) or not bool(value.isfinite().all()):

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 
 from envs.body.joints import ANKLES, BODIES, FEET, HIPS, JOINTS
+from envs.body.load import TrunkOfModel
 from envs.body.model import MJCF, build_model, geometry
 from envs.config import ConstraintOverflowError, EnvConfig
 from envs.engines.contact_bias import bias_share, subtract_bias
@@ -20,6 +21,7 @@ from envs.engines.interface import SUBJECT, Simulation, top_speed
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 """Everything that mj_step depends on, qacc_warmstart included."""
 _BAD = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{name}")) for name in ("QPOS", "QVEL", "QACC")]
+_HAT = BODIES.index("hat")
 _FULL = [int(getattr(mujoco.mjtWarning, f"mjWARN_{name}FULL")) for name in ("CONTACT", "CNSTR")]
 
 
@@ -35,7 +37,7 @@ def build(config: EnvConfig) -> tuple[mujoco.MjModel, mujoco.MjData]:
     dofs = model.jnt_dofadr[hinges]
     model.dof_damping[dofs], model.dof_armature[dofs] = config.joint_damping, config.joint_armature
     model.geom_friction[:, 0] = config.friction
-    model.body("hat").mass += config.load
+    TrunkOfModel(model, config).carry(config.load)
     data = mujoco.MjData(model)
     mujoco.mj_setConst(model, data)  # the softness of contacts depends on mass and armature
     return model, data
@@ -54,6 +56,7 @@ class MujocoCSimulation(Simulation):
         unloaded = config.model_copy(update={"load": 0.0})
         made = [build(unloaded) for _ in range(num_worlds)]
         self._models, self._data = [model for model, _ in made], [data for _, data in made]
+        self._trunks = [TrunkOfModel(model, config) for model in self._models]
         self._top_speed = top_speed(config)
         self._bias_share = bias_share(config, self._models[0])
         self._find_indices()
@@ -128,7 +131,7 @@ class MujocoCSimulation(Simulation):
             if "friction" in names:
                 model.geom_friction[:, 0] = float(self.friction[world])
             if "load" in names:
-                model.body_mass[self._bodies[BODIES.index("hat")]] = self._nominal_mass + float(self.load[world])
+                self._trunks[world].carry(float(self.load[world]))
                 mujoco.mj_setConst(model, self._scratch)  # the softness of contacts depends on mass
 
     def _find_indices(self) -> None:
@@ -140,7 +143,6 @@ class MujocoCSimulation(Simulation):
         self._sole_foot = {model.geom(foot.replace("foot", "sole")).id: place for place, foot in enumerate(FEET)}
         self._foot_bodies = [model.body(foot).id for foot in FEET]
         self._mid_x = 0.5 * (self.geometry.heel_x + self.geometry.toe_x)
-        self._nominal_mass = float(model.body("hat").mass[0])
         self._scratch = mujoco.MjData(model)
         self._state_size = mujoco.mj_stateSize(model, _STATE)
 
@@ -185,7 +187,9 @@ class MujocoCSimulation(Simulation):
         pose[:, 3:] = np.roll(data.xquat[self._bodies], -1, axis=1)  # MuJoCo's is w x y z
         self._spatial_velocity[world] = data.cvel[self._bodies]
         # MuJoCo's velocities are at the centre of mass of the whole body.
-        self._lever[world] = data.xipos[self._bodies] - data.subtree_com[self._bodies[0]]
+        centre = data.xipos[self._bodies]
+        centre[_HAT] = data.xpos[self._bodies[_HAT]] + data.xmat[self._bodies[_HAT]].reshape(3, 3) @ self.geometry.hat_com
+        self._lever[world] = centre - data.subtree_com[self._bodies[0]]
 
     def _write_velocities(self) -> None:
         turning, moving = self._spatial_velocity[..., :3], self._spatial_velocity[..., 3:]

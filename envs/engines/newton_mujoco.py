@@ -17,11 +17,14 @@ from mujoco_warp._src.types import vec5
 from newton.solvers import SolverMuJoCo
 
 from envs.body.joints import ANKLES, BODIES, FEET, HIPS, JOINTS
+from envs.body.load import loaded
 from envs.body.model import build_model, geometry
+from envs.body.rotation import rotate
 from envs.config import ConstraintOverflowError, EnvConfig
 from envs.engines.contact_bias import bias_share
 from envs.engines.interface import SUBJECT, Simulation, top_speed
 
+_HAT = BODIES.index("hat")
 _ROOT_Q, _ROOT_QD = 7, 6
 """Coordinates and velocities of the free root joint ahead of the hinges."""
 _DROPPED = int(OverflowType.NEFC | OverflowType.NJMAX_NNZ | OverflowType.BROADPHASE | OverflowType.NARROWPHASE)
@@ -54,6 +57,22 @@ def _add_torques(passive: wp.array2d[float], actuator: wp.array2d[float], first:
     """Torque of actuator, spring and damper about each joint axis."""
     world, joint = wp.tid()
     total[world, joint] = passive[world, first + joint] + actuator[world, first + joint]
+
+
+@wp.kernel
+def _shift_velocity(
+    index: int,
+    bodies: int,
+    pose: wp.array[wp.transform],
+    com: wp.array[wp.vec3],
+    centre: wp.vec3,
+    velocity: wp.array[wp.spatial_vector],
+) -> None:
+    """From the velocity of the centre of mass of body `index` of each world to that of its point `centre`."""
+    body = wp.tid() * bodies + index
+    turning = wp.spatial_bottom(velocity[body])
+    lever = wp.transform_vector(pose[body], centre - com[body])
+    velocity[body] = wp.spatial_vector(wp.spatial_top(velocity[body]) + wp.cross(turning, lever), turning)
 
 
 @wp.kernel
@@ -169,7 +188,10 @@ class NewtonMujocoSimulation(Simulation):
         coordinates = (self._joint_q, self._joint_qd, self.body_pose, self.body_velocity)
         self._outputs = (*coordinates, self.joint_force, self.sole_force, self.sole_position)
         self._top_speed = top_speed(config)
-        self._nominal_mass = self._per_world(self.model.body_mass).clone()
+        self._trunk = [self._per_world(array)[0, _HAT].clone() for array in self._trunk_arrays()]
+        self._load_at: torch.Tensor | None = None
+        if config.load_at is not None:
+            self._load_at = torch.tensor([config.load_at[0], 0.0, config.load_at[1]], device=self.device)
         # The model has them already, but for the load.
         subject = (torch.full((num_worlds,), getattr(config, name), device=self.device) for name in SUBJECT)
         self.hip_k, self.ankle_k, self.load, self.joint_damping, self.friction = subject
@@ -237,6 +259,7 @@ class NewtonMujocoSimulation(Simulation):
 
     def _restore(self, state: dict[str, torch.Tensor]) -> None:
         newton.eval_fk(self.model, self._state.joint_q, self._state.joint_qd, self._state)
+        self._write_trunk_velocity()
         # A step in which a world diverged leaves values that are not finite in the solver's warm start.
         self.diverged.copy_(~self._warmstart.isfinite().all(-1))
 
@@ -252,10 +275,16 @@ class NewtonMujocoSimulation(Simulation):
             self._per_world(self.model.shape_material_mu)[:] = self.friction[:, None]
             changed |= newton.ModelFlags.SHAPE_PROPERTIES
         if "load" in names:
-            hat = BODIES.index("hat")
-            mass = self._per_world(self.model.body_mass)
-            mass[:, hat] = self._nominal_mass[:, hat] + self.load
-            self._per_world(self.model.body_inv_mass)[:, hat] = 1.0 / mass[:, hat]
+            mass, com, inertia = (self._per_world(array)[:, _HAT] for array in self._trunk_arrays())
+            mass[:] = self._trunk[0] + self.load
+            self._per_world(self.model.body_inv_mass)[:, _HAT] = 1.0 / mass
+            if self._load_at is not None:
+                _, centre, inertia[:] = loaded(*self._trunk, self.load, self._load_at)
+                # The root's velocity is that of the centre of mass, which moves within the HAT.
+                lever = rotate(self._joint_q[:, 3:_ROOT_Q], centre - com)
+                self._joint_qd[:, :3] += torch.linalg.cross(self._joint_qd[:, 3:_ROOT_QD], lever)
+                com[:] = centre
+                self._per_world(self.model.body_inv_inertia)[:, _HAT] = torch.linalg.inv_ex(inertia).inverse
             changed |= newton.ModelFlags.BODY_INERTIAL_PROPERTIES
         self._solver.notify_model_changed(changed)
 
@@ -272,6 +301,20 @@ class NewtonMujocoSimulation(Simulation):
                     outputs=[self._dropped_wp, self._most_rows_wp, self._most_contacts_wp],
                 )
             self._read_sensors()
+            self._write_trunk_velocity()
+
+    def _write_trunk_velocity(self) -> None:
+        """Newton's velocity is that of the centre of mass with the load; see `Simulation.body_velocity`."""
+        if self._load_at is None:
+            return
+        state, model = self._state, self.model
+        wp.launch(
+            _shift_velocity,
+            dim=self.num_worlds,
+            inputs=[_HAT, len(BODIES), state.body_q, model.body_com, wp.vec3(*self.geometry.hat_com)],
+            outputs=[state.body_qd],
+            device=model.device,
+        )
 
     def _subtract_bias(self, model: mujoco_warp.Model, data: mujoco_warp.Data) -> None:
         """Subtract the bias acceleration from the reference acceleration of all contacts."""
@@ -338,6 +381,9 @@ class NewtonMujocoSimulation(Simulation):
             outputs=[self._joint_force_wp],
             device=self.model.device,
         )
+
+    def _trunk_arrays(self) -> tuple[wp.array, wp.array, wp.array]:
+        return self.model.body_mass, self.model.body_com, self.model.body_inertia
 
     def _per_world(self, array: wp.array) -> torch.Tensor:
         tensor = wp.to_torch(array)

@@ -12,6 +12,7 @@ import warp as wp
 from newton.solvers import SolverMuJoCo
 
 from envs.body.joints import ANKLE, BODIES, FEET, HIP, JOINTS
+from envs.body.load import TrunkOfModel
 from envs.body.model import build_model, geometry
 from envs.body.segments import Segments, segments
 from envs.config import EnvConfig
@@ -43,6 +44,7 @@ class SagittalSimulation(Simulation):
         self.geometry = geometry(model)
         # MuJoCo's compiled model, for the softness of contacts and for the inverse weights that it derives from the masses.
         self._mujoco = SolverMuJoCo(model).mj_model
+        self._trunk = TrunkOfModel(self._mujoco, config)
         body = segments(model)
         self._body = _constants(body, config, self._mujoco)
         start_x, _, start_z = model.joint_q.numpy()[:3].tolist()
@@ -107,11 +109,9 @@ class SagittalSimulation(Simulation):
         The scale of a constraint's softness; MuJoCo derives it from the mass matrix of the upright body.
         """
         model = self._mujoco
-        hat, foot = (_last_named(model.body, model.nbody, name) for name in ("hat", "foot_left"))
-        nominal = model.body_mass[hat]
-        model.body_mass[hat] = nominal + load
+        foot = _last_named(model.body, model.nbody, "foot_left")
+        self._trunk.carry(load)
         mujoco.mj_setConst(model, mujoco.MjData(model))
-        model.body_mass[hat] = nominal
         first = model.nv - len(JOINTS)
         dofs = model.dof_invweight0[[first + HIP, first + ANKLE]]
         return [float(model.body_invweight0[foot, 0]), *map(float, dofs)]
@@ -156,6 +156,7 @@ def _constants(body: Segments, config: EnvConfig, model: mujoco.MjModel) -> Any:
         setattr(result, name, getattr(body, name))
     points = {
         "hat_com": body.hat_com - body.hat_frame,
+        "load": body.hat_com - body.hat_frame if config.load_at is None else np.array(config.load_at),
         "hip": -body.hat_frame,
         "ankle": -body.hip,
         "leg_com": body.leg_com - body.hip,

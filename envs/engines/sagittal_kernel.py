@@ -64,6 +64,7 @@ class Body:
     leg_inertia: float
     foot_inertia: float
     hat_com: wp.vec2
+    load: wp.vec2
     leg_com: wp.vec2
     foot_com: wp.vec2
     hip: wp.vec2
@@ -200,10 +201,15 @@ def advance(
     m1 = body.hat_mass + load[world]
     below = body.leg_mass + body.foot_mass
     total = m1 + below
-    e1 = m1 * body.hat_com + below * body.hip
+    e1 = body.hat_mass * body.hat_com + load[world] * body.load + below * body.hip
     e2 = body.leg_mass * body.leg_com + body.foot_mass * body.ankle
     e3 = body.foot_mass * body.foot_com
-    m11 = body.hat_inertia + m1 * wp.dot(body.hat_com, body.hat_com) + below * wp.dot(body.hip, body.hip)
+    m11 = (
+        body.hat_inertia
+        + body.hat_mass * wp.dot(body.hat_com, body.hat_com)
+        + load[world] * wp.dot(body.load, body.load)
+        + below * wp.dot(body.hip, body.hip)
+    )
     m22 = (
         body.leg_inertia
         + wp.dot(body.leg_com, body.leg_com) * body.leg_mass

@@ -58,8 +58,9 @@ def table(
 
 
 def effort_scale(config: EnvConfig, least: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`env.reward.effort_reference` over the least cost of each row, 1 where that is not known."""
-    return np.where(np.isfinite(least), config.reward.effort_reference / least, 1.0)
+    """`env.reward.effort_reference` over the least cost of each row, at most `effort_scale_max`; 1 where it is not known."""
+    scale = np.minimum(config.reward.effort_reference / least, config.reward.effort_scale_max)
+    return np.where(np.isfinite(least), scale, 1.0)
 
 
 def value_of(config: EnvConfig, name: str) -> float:

@@ -11,6 +11,7 @@ from envs.config import (
     Freq,
     HipStiffness,
     Load,
+    LoadPlace,
     Physics,
     Ramp,
     Seconds,
@@ -49,6 +50,7 @@ class EnvChanges(Strict):
     hip_k: HipStiffness | None
     ankle_k: AnkleStiffness | None
     load: Load | None
+    load_at: tuple[LoadPlace, LoadPlace] | None
     amplitude: Amplitude | None
     physics: Physics | None
     ramp: Ramp | Literal["none"] | None

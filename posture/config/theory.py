@@ -13,7 +13,7 @@ MAX_VALUES = 10_000
 
 
 USED = {
-    "amplitude", "hip_k", "ankle_k", "load", "energy_weight", "control_dt", "joint_damping", "joint_armature",
+    "amplitude", "hip_k", "ankle_k", "load", "load_at", "energy_weight", "control_dt", "joint_damping", "joint_armature",
     "torque_limit", "reward", "termination",
 }  # fmt: skip
 """Keys of `env` that the theory depends on."""

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 
 from envs.body.joints import ANKLES, BODIES, HIPS, JOINTS
+from envs.body.load import TrunkOfModel
 from envs.body.model import MJCF
 from envs.config import EnvConfig
 from envs.task.head_tracking import HeadTrackingEnv
@@ -91,14 +92,13 @@ class Pusher:
         self._model = mujoco.MjModel.from_xml_path(str(MJCF))
         self._dofs = [self._model.joint(name).dofadr[0] for name in JOINTS]
         self._hat = self._model.body(BODIES[0]).id
-        self._hat_mass = float(self._model.body_mass[self._hat])
+        self._trunk = TrunkOfModel(self._model, config)
         self._model.dof_armature[self._dofs] = config.joint_armature
 
     def push(self, env: HeadTrackingEnv, impulse: float) -> None:
         """Change the velocities of `env` by those that `impulse` [Ns] along x at the HAT's centre of mass causes."""
         model = self._model
-        # The load sits at the centre of mass, so it adds no inertia about it.
-        model.body_mass[self._hat] = self._hat_mass + float(env.sim.load[0])
+        self._trunk.carry(float(env.sim.load[0]))
         data = mujoco.MjData(model)
         x, y, z, w = env.state.hat_pose[0, 3:].tolist()
         data.qpos[:7] = [*env.state.hat_pose[0, :3].tolist(), w, x, y, z]

@@ -70,7 +70,7 @@ def record_ramp(session: Session, server: viser.ViserServer, config: PlayConfig)
             raise RunError(f"the stander fell at {session.settings.freq:.2f} Hz, {elapsed:.0f} s into the recording")
         if elapsed >= next_frame:
             measures, settings = session.measures(), session.settings
-            scene.show(session.state, settings.tolerance, settings.load)
+            scene.show(session.state, settings.tolerance, settings.load, session.load_at)
             scene.show_mode(measures.mode, f"{measures.mode}, {settings.freq:.2f} Hz")
             chart.add(measures)
             recorder.insert_sleep(1 / config.frames_per_s)

@@ -57,10 +57,7 @@ class Scene:
             self._parts[part] = scene.add_frame(f"/{part}", show_axes=False)
             for i, shape in enumerate(_shapes()[part]):
                 scene.add_mesh_simple(f"/{part}/{i}", shape.vertices, shape.faces, color=shape.colour)
-        hat_com = _hat_com()
-        self._load = scene.add_icosphere(
-            "/hat/load", 1.0, LOAD_COLOUR, position=(hat_com[0], -0.16, hat_com[2]), visible=False
-        )
+        self._load = scene.add_icosphere("/hat/load", 1.0, LOAD_COLOUR, visible=False)
         # Across the head at its centre, visible against the tolerance band.
         pin = trimesh.creation.cylinder(0.006, segment=[[0, -0.19, 0.19], [0, 0.19, 0.19]], sections=8)
         scene.add_mesh_simple("/hat/pin", pin.vertices, pin.faces, color=(20, 20, 20))
@@ -77,8 +74,8 @@ class Scene:
         self._label = scene.add_label("/label", "", position=(0.1, 0.0, 1.9), anchor="bottom-center", font_screen_scale=1.6)
         self._shown: dict[str, object] = {}
 
-    def show(self, state: State, tolerance: float, load: float) -> None:
-        """Move everything to `state`; present tolerance [m] and load [kg]."""
+    def show(self, state: State, tolerance: float, load: float, load_at: tuple[float, float] | None) -> None:
+        """Move everything to `state`; present tolerance [m], load [kg] and its place (`EnvConfig.load_at`)."""
         for part, bodies in PARTS.items():
             pose = state.pose[BODIES.index(bodies[0])]
             frame = self._parts[part]
@@ -93,8 +90,10 @@ class Scene:
         if self._changed("band", (tolerance, outside)):
             self._band.scale = (2 * tolerance, 1.0, 1.0)
             self._band.color = rgb(RED if outside else ORANGE)
-        if self._changed("load", load):
+        if self._changed("load", (load, load_at)):
             self._load.visible = load > 0
+            x, z = load_at or tuple(_upright()[0].body("hat").ipos[[0, 2]])
+            self._load.position = (x, -0.16, z)  # beside the trunk, where it is seen
             self._load.scale = max(1e-3, (3 * load / (4 * np.pi * LEAD_DENSITY)) ** (1 / 3))  # a sphere of lead
 
     def show_mode(self, mode: str, text: str) -> None:
@@ -154,11 +153,6 @@ def _shapes() -> dict[str, list[Shape]]:
         joined = {colour: trimesh.util.concatenate(of_colour) for colour, of_colour in meshes.items()}
         shapes[part] = [Shape(mesh.vertices, mesh.faces, colour) for colour, mesh in joined.items()]
     return shapes
-
-
-def _hat_com() -> Array:
-    model, _ = _upright()
-    return np.asarray(model.body("hat").ipos)
 
 
 def _mesh(geom: Any, pose: Any) -> trimesh.Trimesh:

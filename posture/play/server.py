@@ -223,7 +223,8 @@ class Visitor(threading.Thread):
 
     def _draw_scene(self, session: Session) -> None:
         with self._client.atomic():
-            self._scene.show(session.state, session.settings.tolerance, session.settings.load)
+            settings = session.settings
+            self._scene.show(session.state, settings.tolerance, settings.load, session.load_at)
         self.frames += 1
 
     def _draw_plots(self, session: Session) -> None:

@@ -152,6 +152,11 @@ class Session:
         return self._env.sim.geometry.heel_x, self._env.sim.geometry.toe_x
 
     @property
+    def load_at(self) -> tuple[float, float] | None:
+        """See `EnvConfig.load_at`."""
+        return self._env.config.load_at
+
+    @property
     def message(self) -> str:
         """The controller's message; empty if none."""
         return self._controller.message

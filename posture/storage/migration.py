@@ -11,7 +11,7 @@ from typing import Any
 from envs.config import RANGE_KEYS
 from posture.config.errors import ConfigError
 
-VERSION = 6
+VERSION = 7
 
 
 def upgrade(values: dict[str, Any], file: Path) -> dict[str, Any]:
@@ -69,11 +69,20 @@ def _from_5(values: dict[str, Any]) -> dict[str, Any]:
     return values
 
 
+def _from_6(values: dict[str, Any]) -> dict[str, Any]:
+    """The load was at the centre of mass of the HAT, and any least cost could weigh the effort."""
+    with contextlib.suppress(KeyError, TypeError, AttributeError):  # as above
+        values["env"].setdefault("load_at", None)
+        values["env"]["reward"].setdefault("effort_scale_max", 1e6)
+    return values
+
+
 UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     1: _from_1,
     2: _from_2,
     3: _from_3,
     4: _from_4,
     5: _from_5,
+    6: _from_6,
 }
 """By version, the function that gives the version after it."""

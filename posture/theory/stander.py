@@ -112,15 +112,17 @@ class Stander:
 def linearise(body: Segments, config: EnvConfig) -> Stander:
     """The linear stander of `body` with the springs, dampers, armature, load and torque limit of `config`.
 
-    The load is a point mass at the centre of mass of the HAT.
+    The load is a point mass on the HAT, at its centre of mass or at `config.load_at`.
     """
     g, ones = body.gravity, np.ones(2)
     hat_mass = body.hat_mass + config.load
-    moved = np.stack([body.leg_mass * body.leg_com + hat_mass * body.hip, hat_mass * body.hat_com])
+    load_at = body.hat_com if config.load_at is None else body.hat_frame + config.load_at
+    hat_moment = body.hat_mass * body.hat_com + config.load * load_at
+    moved = np.stack([body.leg_mass * body.leg_com + hat_mass * body.hip, hat_moment])
     w, u = moved.T
-    coupling = hat_mass * float(body.hip @ body.hat_com)
+    coupling = float(body.hip @ hat_moment)
     about_ankle = body.leg_inertia + body.leg_mass * body.leg_com @ body.leg_com + hat_mass * body.hip @ body.hip
-    about_hip = body.hat_inertia + hat_mass * body.hat_com @ body.hat_com
+    about_hip = body.hat_inertia + body.hat_mass * body.hat_com @ body.hat_com + config.load * load_at @ load_at
     mass_pitch = np.array([[about_ankle, coupling], [coupling, about_hip]])
     springs = JOINTS_OF_A_KIND * np.array([config.hip_k, config.ankle_k])
 

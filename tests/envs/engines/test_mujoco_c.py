@@ -58,7 +58,9 @@ def set_out(config, q, qd=(0, 0, 0, 0, 0)):
 
 
 def own_config(config, trial):
-    return config.model_copy(update={key: getattr(trial, key) for key in ("friction", "hip_k", "ankle_k", "load")})
+    return config.model_copy(
+        update={key: getattr(trial, key) for key in ("friction", "hip_k", "ankle_k", "load", "load_at")}
+    )
 
 
 def torques(trial, name):
@@ -110,7 +112,9 @@ def test_agrees_with_the_solver_driven_by_hand_where_left_and_right_differ(eithe
     assert np.abs(sideways).max(0).min() > 0.01  # [m/s], [rad/s], [rad/s]: it did leave the sagittal plane
 
 
-@pytest.mark.parametrize("name", ["flight", "swaying", "over the toe", "landing", "soft hips", "soft ankles", "loaded"])
+@pytest.mark.parametrize(
+    "name", ["flight", "swaying", "over the toe", "landing", "soft hips", "soft ankles", "loaded", "loaded behind"]
+)
 @pytest.mark.parametrize(("engine", "agrees"), [(SagittalSimulation, C_AGREES), (NewtonMujocoSimulation, NEWTON_AGREES)])
 def test_agrees_with_the_other_engines(either, engine, agrees, name):
     trial = TRIALS[name]

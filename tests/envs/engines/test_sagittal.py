@@ -54,7 +54,7 @@ def placed(sim, q, qd):
         return sim
     # Newton: quaternion x y z w, velocity of the centre of mass.
     at, speed = sim._joint_q.zero_(), sim._joint_qd.zero_()
-    pitch, (x, _, z) = q[:, 2], sim.geometry.hat_com
+    pitch, (x, _, z) = q[:, 2], torch.from_numpy(sim.model.body_com.numpy()[:: len(BODIES)]).T
     at[:, 0], at[:, 2], at[:, 4], at[:, 6] = q[:, 0], q[:, 1], torch.sin(pitch / 2), torch.cos(pitch / 2)
     at[:, 7:] = torch.stack([q[:, 3] - q[:, 2], q[:, 4] - q[:, 3]] * 2, -1)
     speed[:, 0] = qd[:, 0] + qd[:, 2] * (z * torch.cos(pitch) - x * torch.sin(pitch))
@@ -105,6 +105,7 @@ class Trial:
     hip_k: float = 125.0
     ankle_k: float = 25.0
     load: float = 0.0
+    load_at: tuple[float, float] | None = None
     rounding: float = 1.0
 
 
@@ -134,6 +135,8 @@ TRIALS = {
     "soft hips": Trial(FLAT, sway=(15, 8), hip_k=50.0),
     "soft ankles": Trial(FLAT, sway=(15, 8), ankle_k=10.0),
     "loaded": Trial(FLAT, sway=(15, 8), load=4.0),
+    "loaded behind": Trial(FLAT, sway=(15, 8), load=8.0, load_at=(-0.2, 0.1)),
+    "loaded in flight": Trial(above(2.0, 0.3, -0.2, 0.1), (0.5, 1, 2, -1, 3), sway=(40, 15), load=8.0, load_at=(-0.2, 0.1)),
 }
 
 
@@ -147,10 +150,10 @@ def either(config, request):
 def played(either):
     """Every trial in the sagittal engine, in SolverMuJoCo and in MuJoCo's C: {trial: {engine: {name: (steps, ...)}}}."""
     found = {}
-    for friction in sorted({trial.friction for trial in TRIALS.values()}):
-        names = [name for name, trial in TRIALS.items() if trial.friction == friction]
+    for friction, load_at in dict.fromkeys((trial.friction, trial.load_at) for trial in TRIALS.values()):
+        names = [name for name, trial in TRIALS.items() if (trial.friction, trial.load_at) == (friction, load_at)]
         trials = [TRIALS[name] for name in names]
-        rough = either.model_copy(update={"friction": friction})
+        rough = either.model_copy(update={"friction": friction, "load_at": load_at})
         sways = [np.random.default_rng([1, *name.encode()]).uniform(-1, 1, (STEPS, 2)) for name in names]
         push = [trial.push + sway * trial.sway for trial, sway in zip(trials, sways, strict=True)]
         torque = both_sides(np.stack(push, 1))
@@ -235,7 +238,7 @@ def test_trials_are_what_their_names_say(played):
         for name, engines in played.items()
     }
     assert not np.any(outputs["flight"].heel) and not np.any(outputs["flight"].toe)
-    for name in ("standing", "swaying", "swinging", "stopped short", "soft hips", "soft ankles", "loaded"):
+    for name in ("standing", "swaying", "swinging", "stopped short", "soft hips", "soft ankles", "loaded", "loaded behind"):
         assert min(outputs[name].heel[:, 2].min(), outputs[name].toe[:, 2].min()) > 0.0, name
     assert outputs["over the toe"].foot > 0.5 and not outputs["over the toe"].heel[-10:].any()
     assert outputs["over the heel"].foot < -0.5 and not outputs["over the heel"].toe[-10:].any()

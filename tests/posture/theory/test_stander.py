@@ -17,6 +17,7 @@ from envs.body.segments import read_segments
 from posture.theory.motion import PeriodicMotion
 from posture.theory.optimum import sinusoid
 from posture.theory.stander import linearise
+from tests.mujoco_c import with_load
 
 ANKLE_OVER_GROUND, ANKLE_X = 0.108, -0.01
 SMALL = 1e-3
@@ -35,14 +36,13 @@ def stander(config):
 class Held:
     """The body in MuJoCo's C solver, in double precision, without contact, its feet flat and still at given joint angles."""
 
-    def __init__(self, config, model=None):
-        model = model or mujoco.MjModel.from_xml_path(str(MJCF))
+    def __init__(self, config, spec=None):
+        model = with_load(config, spec)
         hinges = [model.joint(name).id for name in JOINTS]
         dofs = model.jnt_dofadr[hinges]
         model.jnt_stiffness[hinges] = [config.hip_k, config.ankle_k] * 2
         model.dof_damping[dofs] = config.joint_damping
         model.dof_armature[dofs] = config.joint_armature
-        model.body("hat").mass += config.load
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
         model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
         mujoco.mj_setConst(model, mujoco.MjData(model))
@@ -97,6 +97,22 @@ def test_mass_matrix(config, stander):
     full = np.zeros((held.model.nv, held.model.nv))
     mujoco.mj_fullM(held.model, held.data, full)
     assert stander.mass == pytest.approx(freedom.T @ full @ freedom, rel=1e-5)
+
+
+@pytest.mark.parametrize("at", [(-0.2, 0.1), (0.0, 0.3)])
+def test_load_behind_and_above(config, at):
+    """Mass matrix, slope and value of the torque that MuJoCo needs, for a load that is a body of its own there."""
+    carrying = config.model_copy(update={"load": 6.0, "load_at": at})
+    held, stander = Held(carrying), linearise(read_segments(config), carrying)
+    freedom = held.freedom(0.0, 0.0)
+    mujoco.mj_crb(held.model, held.data)
+    full = np.zeros((held.model.nv, held.model.nv))
+    mujoco.mj_fullM(held.model, held.data, full)
+    assert stander.mass == pytest.approx(freedom.T @ full @ freedom, rel=1e-5)
+    assert stander.offset == pytest.approx(held.torque((0.0, 0.0)), abs=1e-3)
+    for joint, step in enumerate(np.eye(2) * SMALL):
+        slope = (held.torque(step) - held.torque(-step)) / (2 * SMALL)
+        assert stander.stiffness[:, joint] == pytest.approx(slope, rel=1e-4)
 
 
 @pytest.mark.parametrize("forward", [0.0, 0.05])
@@ -155,7 +171,7 @@ def test_free_motion_with_the_feet_held(config, stander):
     spec, feet = mujoco.MjSpec.from_file(str(MJCF)), ("foot_left", "foot_right")
     for foot in feet:
         spec.body(foot).gravcomp = 1.0
-    held = Held(config, spec.compile())
+    held = Held(config, spec)
     model, data = held.model, held.data
     for foot in feet:
         model.body(foot).mass, model.body(foot).inertia = 1e9, 1e9
