@@ -11,7 +11,15 @@ from posture.config.eval import LQR_ENV, EvaluationConfig, LqrConfig
 Step = Annotated[float, Field(gt=0, le=1000)]
 Force = Annotated[float, Field(gt=0, le=10_000)]
 
-SETTINGS = ("freq", "hip_k", "ankle_k", "load", "amplitude", "tolerance")
+SETTINGS = {
+    "freq": "frequency [Hz]",
+    "hip_k": "hip stiffness [Nm/rad]",
+    "ankle_k": "ankle stiffness [Nm/rad]",
+    "load": "load [kg]",
+    "amplitude": "amplitude [m]",
+    "tolerance": "tolerance [m]",
+}
+"""Names of the sliders' settings, and their labels."""
 
 
 class Sliders(Strict):

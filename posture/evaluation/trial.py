@@ -38,7 +38,14 @@ from posture.theory.program import InfeasibleError
 from posture.theory.stander import linearise
 
 AS_TRAINED = EnvChanges(
-    hip_k=None, ankle_k=None, load=None, amplitude=None, physics=None, ramp=None, solver=SolverChanges(contact_bias=None)
+    hip_k=None,
+    ankle_k=None,
+    load=None,
+    load_at=None,
+    amplitude=None,
+    physics=None,
+    ramp=None,
+    solver=SolverChanges(contact_bias=None),
 )
 RESULTS = ("trajectories.npz", "metrics.csv")
 """Files that are read again; trial.yaml has their digests."""

@@ -10,15 +10,6 @@ import viser
 from posture.config.play import SETTINGS, PlayConfig
 from posture.play.session import Session
 
-LABELS = {
-    "freq": "frequency [Hz]",
-    "hip_k": "hip stiffness [Nm/rad]",
-    "ankle_k": "ankle stiffness [Nm/rad]",
-    "load": "load [kg]",
-    "amplitude": "amplitude [m]",
-    "tolerance": "tolerance [m]",
-}
-
 
 class Panel:
     """Added to `gui`. What the user does is passed to `command` as an action, which it carries out in the thread of the
@@ -78,7 +69,7 @@ class Panel:
 
     def _add_slider(self, gui: viser.GuiApi, name: str) -> viser.GuiSliderHandle[float]:
         low, high, step = getattr(self._config.sliders, name)
-        slider = gui.add_slider(LABELS[name], low, high, step, self._slider_value(name))
+        slider = gui.add_slider(SETTINGS[name], low, high, step, self._slider_value(name))
 
         def change(value: float) -> None:
             self._session.set(**{name: min(max(float(value), low), high)})

@@ -46,6 +46,26 @@ class PolicyChoice:
     model: Path | None = None
     run: TrainConfig | None = None
 
+    def not_trained_on(self, settings: Settings) -> list[str]:
+        """Those of the settings that the policy did not meet in its training; none for the model-based controller."""
+        if self.run is None:
+            return []
+        env = self.run.env
+        met: dict[str, tuple[float, ...]] = {
+            name: (getattr(env, name),) for name in ("hip_k", "ankle_k", "load", "amplitude")
+        }
+        met["tolerance"] = (env.head_tolerance,) if env.head_tolerance else ()
+        met["freq"] = (
+            (env.ramp.start, env.ramp.end) if env.ramp else env.freq if isinstance(env.freq, tuple) else (env.freq,)
+        )
+        met |= env.ranges.given
+        margin = 1e-6  # sliders round
+        return [
+            name
+            for name, values in met.items()
+            if values and not min(values) - margin <= getattr(settings, name) <= max(values) + margin
+        ]
+
     def load(self, lqr: LqrConfig, worker: TheoryWorker, body: Segments) -> Controller:
         """The controller. Raises ConfigError if the checkpoint does not hold the policy of its run."""
         if self.model is None or self.run is None:

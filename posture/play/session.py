@@ -158,8 +158,10 @@ class Session:
 
     @property
     def message(self) -> str:
-        """The controller's message; empty if none."""
-        return self._controller.message
+        """The controller's message, or which settings the policy was not trained on; empty if there is nothing to say."""
+        names = self._policies[self.policy].not_trained_on(self.settings)
+        unmet = ", ".join(SETTINGS[name].partition(" [")[0] for name in names)
+        return self._controller.message or (f"outside what this policy was trained on: {unmet}" if names else "")
 
     @property
     def foot_drift(self) -> float:

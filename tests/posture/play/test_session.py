@@ -1,6 +1,7 @@
 """A session without a browser, against hand arithmetic, Newton's laws, the roll-out of posture.eval and the theory."""
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -45,6 +46,19 @@ def test_phase_of_the_target_is_continuous_when_the_frequency_changes(session):
     states = advance(session, 50 * DT)
     expected = 0.1 * (1 - np.cos(2 * np.pi * DT * (0.3 * 100 + 1.1 * np.arange(1, 51))))
     assert np.allclose([state.target for state in states], expected, atol=1e-6)
+
+
+def test_says_which_settings_the_policy_was_not_trained_on(session):
+    assert session.message == ""
+    session.set(hip_k=60.0, load=2.0)
+    assert session.message == "outside what this policy was trained on: hip stiffness, load"
+    choice = session._policies[session.policy]
+    ranges = choice.run.env.ranges.model_copy(update={"hip_k": (50.0, 70.0), "amplitude": (0.04, 0.09)})
+    wide = replace(choice, run=choice.run.model_copy(update={"env": choice.run.env.model_copy(update={"ranges": ranges})}))
+    assert wide.not_trained_on(session.settings) == ["load", "amplitude"]
+    session.choose("lqr")
+    session.set(hip_k=60.0)
+    assert "trained" not in session.message
 
 
 def test_same_motion_as_in_the_evaluation(session):
