@@ -35,7 +35,7 @@ def make_map(config: MapConfig, folder: Path) -> None:
     for model, run in zip(models, runs, strict=True):
         results = evaluate_many(model, run, found.rows, config.evaluation, config.device)
         seeds[run.seed] = with_least_cost(results, found.rows, env, config.evaluation.duration)
-    switches = transitions(config, env, found, seeds)
+    switches = transitions(config, runs[0].env, found, seeds)
     agreed = [row for seed, results in seeds.items() for row in agreement(found, seed, results, switches)]
     rows = [
         {"varied": varied, **dict(zip(("joint_damping", "friction", "tolerance_m"), row[5:], strict=True)), **as_row(result)}

@@ -15,8 +15,11 @@ from posture.analysis.coordination import sign_change_frequency
 from posture.analysis.results import Result
 from posture.config.map import MapConfig
 from posture.map.trials import RANDOM, Trials
+from posture.theory.least_costs import weighted
+from posture.theory.motion import PeriodicMotion
+from posture.theory.reward_optimum import reward_optimum
 from posture.theory.stander import linearise
-from posture.theory.transition import bound_transition, reward_transition
+from posture.theory.transition import bound_transition, transition_frequency
 
 NEAR_HZ = 0.03
 """From its transition on, in either direction, a cell has no mode that the theory would insist on [Hz]."""
@@ -124,8 +127,12 @@ class _Theory:
         env = self._env.model_copy(update=dict([varied]))
         stander = linearise(self._body, env)
         least = bound_transition(stander, env.amplitude, self._tolerance, self._search)
+
+        def best(freq: float) -> PeriodicMotion:
+            return reward_optimum(stander, freq, weighted(env, self._body, freq), self._tolerance)
+
         try:
-            return least, reward_transition(stander, env, self._tolerance, self._search)
+            return least, transition_frequency(best, self._search)
         except ValueError:  # a reward without effort
             return least, None
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from envs.body.segments import Segments, read_segments
 from envs.config import EnvConfig
-from envs.task.bodies import COLUMNS, Table
+from envs.task import rewards
+from envs.task.bodies import COLUMNS, Table, effort_scale, value_of
 from posture.analysis.coordination import torque_cost
 from posture.analysis.trajectory import Array
 from posture.theory.motion import PeriodicMotion, joint_arrays
@@ -32,6 +33,16 @@ def least_costs(config: EnvConfig, rows: Table) -> Array:
     """
     body = read_segments(config)
     return np.array([_least_cost(body, config, dict(zip(COLUMNS, row, strict=True))) for row in rows.tolist()])
+
+
+def weighted(config: EnvConfig, body: Segments, freq: float) -> EnvConfig:
+    """`config` with the final weight of effort that a training on its ranges gives its own body at `freq` [Hz]."""
+    exponent = rewards.weight(config.reward.effort_exponent)
+    if not config.ranges.given or not exponent:
+        return config
+    row = {name: value_of(config, name) for name in COLUMNS[1:]} | {"freq": freq}
+    (scale,) = effort_scale(config, np.array([_least_cost(body, config, row)]))
+    return config.model_copy(update={"energy_weight": rewards.weight(config.energy_weight) * float(scale) ** exponent})
 
 
 def _least_cost(body: Segments, config: EnvConfig, row: dict[str, float]) -> float:

@@ -177,21 +177,22 @@ def test_what_is_not_feasible_is_not_drawn(varied):
         HeadTrackingEnv(varied, 1, "cpu", least_costs=lambda config, rows: np.full(len(rows), np.nan))
 
 
-@pytest.mark.parametrize("exponent", [0.0, 0.5, 1.0])
-def test_effort_counts_relative_to_the_least_cost(env_config, exponent):
-    """A body of a quarter of the reference's cost, by hand: effort counts 4 ** exponent times."""
+@pytest.mark.parametrize(("exponent", "most", "factor"), [(0.0, 20, 1), (0.5, 20, 2), (1.0, 20, 4), (1.0, 3, 3)])
+def test_effort_counts_relative_to_the_least_cost(env_config, exponent, most, factor):
+    """A body of a quarter of the reference's cost, by hand: effort counts 4 ** exponent times, or `most`."""
     keys = [
         "env.hip_k=[25,200]",
         f"env.reward.effort_exponent={exponent}",
         "env.freq=0.5",
         "env.reward.effort_reference=0.04",
+        f"env.reward.effort_scale_max={most}",
     ]
     env = HeadTrackingEnv(env_config(*keys), 1, "cpu", least_costs=lambda config, rows: np.full(len(rows), 0.01))
     plain = HeadTrackingEnv(env_config(*keys), 1, "cpu")
     idle = HeadTrackingEnv(env_config(*keys, "env.energy_weight=0"), 1, "cpu")
     action = torch.full((4, 2), 0.1)
     with_scale, without, free = (each.step(action)[1] for each in (env, plain, idle))
-    torch.testing.assert_close(with_scale - free, 4**exponent * (without - free), rtol=1e-3, atol=1e-6)
+    torch.testing.assert_close(with_scale - free, factor * (without - free), rtol=1e-3, atol=1e-6)
     assert (without < free).all()
 
 

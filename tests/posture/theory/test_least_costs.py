@@ -5,7 +5,7 @@ import pytest
 
 from envs.body.segments import read_segments
 from envs.task import bodies
-from posture.theory.least_costs import least_costs
+from posture.theory.least_costs import least_costs, weighted
 from posture.theory.prediction import predict
 
 
@@ -27,3 +27,15 @@ def test_as_the_program_of_least_cost_says(env_config, limits):
     assert 0.3 < np.isfinite(found).mean() <= 1.0
     assert bool(np.isfinite(found).all()) != bool(limits)
     assert min(ratios) > 0.99 and np.median(ratios) < 1.1
+
+
+def test_effort_is_weighed_as_in_the_training(env_config):
+    """Soft hips at low frequency by the largest factor, the default body by the reference over its least cost."""
+    keys = ["env.ranges.hip_k=[25,200]", "env.reward.effort_exponent=0.5", "env.reward.effort_reference=0.04"]
+    config = env_config(*keys, "env.reward.effort_scale_max=9")
+    body = read_segments(config)
+    soft = config.model_copy(update={"hip_k": 25.0})
+    assert weighted(soft, body, 0.2).energy_weight == pytest.approx(20 * 3)
+    least = predict(body, config, 0.6, config.reward.tolerance, 100.0).least.cost
+    assert weighted(config, body, 0.6).energy_weight == pytest.approx(20 * (0.04 / least) ** 0.5, rel=0.03)
+    assert weighted(env_config(*keys[1:]), body, 0.6).energy_weight == 20.0
