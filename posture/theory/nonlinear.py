@@ -79,7 +79,7 @@ class ExactStander(Stander):
         q, dq, ddq = motion[..., :2], motion[..., 2:4], motion[..., 4:]
         theta, rate, bend = q @ PITCH.T, dq @ PITCH.T, ddq @ PITCH.T
         sin, cos, g = np.sin(theta), np.cos(theta), self.body.gravity
-        # The coupling of the links at the hip's angle, less its value upright, and its slope.
+        # The coupling c of the links and its slope.
         phi, hip = -q[..., :1], self.body.hip
         even, odd = self.mass_pitch[0, 1], hip[0] * self.u[1] - hip[1] * self.w[1]
         coupling, slope = even * np.cos(phi) + odd * np.sin(phi), odd * np.cos(phi) - even * np.sin(phi)

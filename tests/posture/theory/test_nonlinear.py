@@ -169,7 +169,7 @@ def test_another_solver_does_not_improve_the_reward(exact, env_config, hip_k, fr
 
 
 def test_least_costs_of_rows(env_config):
-    """Of few harmonics: those of twelve, body by body; nan where the torques do not suffice. In the last row the hips bend by
+    """Of few harmonics: those of twelve, body by body; nan where the torques do not suffice. In the last row hips bend by
     more than a radian, and full steps would go back and forth."""
     keys = ["env.hip_k=[25,75]", "env.ankle_k=[0,75]", "env.load=[0,8]", "env.amplitude=[0.04,0.2]", "env.freq=[0.1,1.5]"]
     config = env_config(*keys, "env.reward.tolerance=[0.01,0.03]")
