@@ -95,7 +95,7 @@ def motion_indices(motion: PeriodicMotion, duration: float) -> MotionIndices:
         phase_mean_deg=math.degrees(np.angle(difference)) if difference else math.nan,
         target_head_r=correlation(-np.cos(2 * math.pi * motion.freq * time), head),
         head_amplitude_m=float(np.ptp(head)) / 2,
-        head_speed_mps=float(np.abs(motion.velocity(time) @ motion.stander.head).mean()),
+        head_speed_mps=float(np.abs(np.diff(head, append=head[:1])).sum() * motion.freq),
         energy_j=energy(joint_torque, joint_velocity, duration / len(time)),
         cost=torque_cost(joint_torque, motion.stander.torque_limit),
         hip_range_deg=float(np.degrees(np.ptp(hip))),

@@ -42,7 +42,7 @@ class Program:
 
     Attributes, S samples of a cycle and v unknowns:
         torque, velocity: normalised torque [-] and velocity [rad/s] of one joint, (hip, ankle), over the unknowns,
-            (S, 2, v). torque_offset: normalised torque at q = 0, (2,).
+            (S, 2, v). torque_offset: normalised torque at q = 0, (2,), or (S, 2) where it is not the same throughout.
         head: [m] over the unknowns, (S, v). target: [m], (S,).
     """
 
@@ -66,20 +66,25 @@ class Program:
         self.velocity = self._rows(1j * np.multiply.outer(omega, np.eye(2)))
         self.head = self._rows(np.broadcast_to(stander.head, (harmonics + 1, 1, 2)))[:, 0]
         self.target = amplitude * (1.0 - self._waves[:, 1].real)
-        cop = self._rows(stander.cop_response(omega)[:, None])[:, 0]
+        self._keep_limits(self._rows(stander.cop_response(omega)[:, None])[:, 0], stander.cop_offset)
+
+    def _keep_limits(self, cop: Array, cop_offset: Array | float) -> None:
+        """Set the limits of `least_squares` from the attributes and the centre of pressure [m], cop z + cop_offset: (S, v)
+        and (S,) or one number."""
+        foot, one = self.stander.toe_x - self.stander.heel_x, np.ones(len(self.target))
+        offset = self.torque_offset.T
         # Lower and upper bound of each output, divided by a scale, so that the solver works with numbers of order one.
-        foot, one = stander.toe_x - stander.heel_x, np.ones(samples)
         limits = [
-            (self.head, self.target - tolerance, self.target + tolerance, amplitude),
-            (cop, (stander.heel_x - stander.cop_offset) * one, (stander.toe_x - stander.cop_offset) * one, foot),
-            *(
-                (self.torque[:, joint], -one - self.torque_offset[joint], one - self.torque_offset[joint], 1.0)
-                for joint in range(2)
-            ),
+            (self.head, self.target - self.tolerance, self.target + self.tolerance, self.amplitude),
+            (cop, (self.stander.heel_x - cop_offset) * one, (self.stander.toe_x - cop_offset) * one, foot),
+            *((self.torque[:, joint], -one - offset[joint], one - offset[joint], 1.0) for joint in range(2)),
         ]
         rows = [side * output / scale for output, _, _, scale in limits for side in (-1.0, 1.0)]
         bounds = [bound / scale for _, low, high, scale in limits for bound in (-low, high)]
         self._limit, self._bound = scipy.sparse.csc_matrix(np.concatenate(rows)), np.concatenate(bounds)
+
+    def linearise_about(self, unknowns: Array) -> None:
+        """Nothing: the outputs of the linear stander have the same slopes about every motion."""
 
     def least_squares(self, rows: Array, wanted: Array) -> Array:
         """The unknowns (v,) that minimise |rows z - wanted|^2 within the limits; rows (r, v), wanted (r,).
@@ -104,7 +109,7 @@ class Program:
     def least_torque(self) -> Array:
         """The unknowns (v,) of the least mean of squared torques within the limits. Raises InfeasibleError."""
         rows = self.torque.reshape(-1, self.torque.shape[-1])
-        return self.least_squares(rows, -np.tile(self.torque_offset, len(self.torque)))
+        return self.least_squares(rows, -np.broadcast_to(self.torque_offset, self.torque.shape[:2]).ravel())
 
     def motion(self, unknowns: Array) -> PeriodicMotion:
         """The motion that the unknowns (v,) stand for."""

@@ -65,10 +65,15 @@ def reward_optimum(stander: Stander, freq: float, config: EnvConfig, tolerance: 
 
     Raises InfeasibleError where no motion keeps the limits, ValueError where the reward has no weight on torques.
     """
+    return best_for_reward(Program(stander, freq, config.amplitude, tolerance), config)
+
+
+def best_for_reward(program: Program, config: EnvConfig) -> PeriodicMotion:
+    """A motion within the limits of `program` whose reward no small change increases; raises as `reward_optimum` does."""
     terms = RewardTerms.of(config)
-    program = Program(stander, freq, config.amplitude, tolerance)
     unknowns, before = program.least_torque(), math.inf
     for _ in range(MAX_ITERATIONS):
+        program.linearise_about(unknowns)
         torque = program.torque @ unknowns + program.torque_offset
         velocity = program.velocity @ unknowns
         closeness = 1.0 / (1.0 + terms.sharpness * (program.head @ unknowns - program.target) ** 2)

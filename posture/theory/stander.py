@@ -109,25 +109,29 @@ class Stander:
         return self.cop_angle - w**2 * self.cop_acceleration
 
 
-def linearise(body: Segments, config: EnvConfig) -> Stander:
-    """The linear stander of `body` with the springs, dampers, armature, load and torque limit of `config`.
+def mass_and_moments(body: Segments, config: EnvConfig) -> tuple[Array, Array, Array]:
+    """M_theta [kg m2] (2, 2), w and u [kg m] (2,) of the module's docstring, order (leg, HAT).
 
     The load is a point mass on the HAT, at its centre of mass or at `config.load_at`.
     """
-    g, ones = body.gravity, np.ones(2)
     hat_mass = body.hat_mass + config.load
     load_at = body.hat_com if config.load_at is None else body.hat_frame + config.load_at
     hat_moment = body.hat_mass * body.hat_com + config.load * load_at
     moved = np.stack([body.leg_mass * body.leg_com + hat_mass * body.hip, hat_moment])
-    w, u = moved.T
     coupling = float(body.hip @ hat_moment)
     about_ankle = body.leg_inertia + body.leg_mass * body.leg_com @ body.leg_com + hat_mass * body.hip @ body.hip
     about_hip = body.hat_inertia + body.hat_mass * body.hat_com @ body.hat_com + config.load * load_at @ load_at
-    mass_pitch = np.array([[about_ankle, coupling], [coupling, about_hip]])
+    return np.array([[about_ankle, coupling], [coupling, about_hip]]), moved[:, 0], moved[:, 1]
+
+
+def linearise(body: Segments, config: EnvConfig) -> Stander:
+    """The linear stander of `body` with the springs, dampers, armature, load and torque limit of `config`."""
+    g, ones = body.gravity, np.ones(2)
+    mass_pitch, w, u = mass_and_moments(body, config)
     springs = JOINTS_OF_A_KIND * np.array([config.hip_k, config.ankle_k])
 
     # Centre of pressure: the whole body's weight [N], and its moment about the ankle upright.
-    weight = g * (body.leg_mass + hat_mass + body.foot_mass)
+    weight = g * (body.leg_mass + body.hat_mass + config.load + body.foot_mass)
     ahead = (g * float(w.sum()) + g * body.foot_mass * float(body.foot_com[0])) / weight
     # m x''_com = u theta'' and m z''_com = -w theta''.
     reaction = -(ones @ mass_pitch) - body.ankle_height * u + ahead * w
