@@ -1,4 +1,4 @@
-"""Where a load would have to be to turn the mode at 0.4 Hz (paper Exp. 4b): the motion of least torque with loads in other places.
+"""Where a load would have to be to turn the mode of least torque at 0.4 Hz (paper Exp. 4b).
 
 python benchmarks/load_place.py     half a minute; docs/theory.md has its result
 """

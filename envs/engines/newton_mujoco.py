@@ -279,7 +279,8 @@ class NewtonMujocoSimulation(Simulation):
             mass[:] = self._trunk[0] + self.load
             self._per_world(self.model.body_inv_mass)[:, _HAT] = 1.0 / mass
             if self._load_at is not None:
-                _, centre, inertia[:] = loaded(*self._trunk, self.load, self._load_at)
+                own_mass, own_com, own_inertia = self._trunk
+                _, centre, inertia[:] = loaded(own_mass, own_com, own_inertia, self.load, self._load_at)
                 # The root's velocity is that of the centre of mass, which moves within the HAT.
                 lever = rotate(self._joint_q[:, 3:_ROOT_Q], centre - com)
                 self._joint_qd[:, :3] += torch.linalg.cross(self._joint_qd[:, 3:_ROOT_QD], lever)

@@ -78,6 +78,7 @@ class LeastCost(MotionIndices):
 
     reward_energy: float = math.nan  # mean R_energy of a control step, as the reward is configured. Paper Eq. 9
     reward_torque: float = math.nan  # mean R_torque of a control step. Paper Eq. 10
+    exact_cost: float = math.nan  # least cost by the equations without small angles (`posture.theory.nonlinear`)
     # The end of the foot that the centre of pressure reaches: none, heel, toe or both; a dash where there is no motion.
     cop_binds: str = field(default="-", metadata={"column": "cop_binds"})
 

@@ -45,7 +45,7 @@ class Agreement:
     """How near a policy is to the theory over the trials of a map, or the random ones.
 
     trials: feasible ones. falls: of these. cost_ratio: mean, 95th percentile and largest of cost over least cost.
-    below_120: share with a ratio of at most 1.2. same_mode: share of the cells at least `NEAR_HZ` from the transition of the
+    below_120: share with a ratio of at most 1.2. exact_*: the same of the cost over `LeastCost.exact_cost`. same_mode: share of the cells at least `NEAR_HZ` from the transition of the
     trained reward whose correlation has the theory's sign; nan for random trials.
     """
 
@@ -57,6 +57,9 @@ class Agreement:
     cost_ratio_p95: float
     cost_ratio_max: float
     below_120: float
+    exact_ratio_mean: float
+    exact_ratio_p95: float
+    exact_below_120: float
     same_mode: float
 
 
@@ -91,7 +94,9 @@ def agreement(found: Trials, seed: int, results: Sequence[Result], switches: Seq
     for name in dict.fromkeys(found.varied):
         own = [one for one, varied in zip(results, found.varied, strict=True) if varied == name]
         feasible = [one for one in own if math.isfinite(one.least.cost)]
-        ratios = np.array([one.cost_ratio for one in feasible if one.valid])
+        standing = [one for one in feasible if one.valid]
+        ratios = np.array([one.cost_ratio for one in standing])
+        exact = np.array([one.cost / one.least.exact_cost for one in standing])
         same = math.nan
         if name != RANDOM:
             reward = {row.value: row.reward_hz for row in switches if row.varied == name}
@@ -111,6 +116,9 @@ def agreement(found: Trials, seed: int, results: Sequence[Result], switches: Seq
                 cost_ratio_p95=float(np.percentile(ratios, 95)) if len(ratios) else math.nan,
                 cost_ratio_max=float(ratios.max()) if len(ratios) else math.nan,
                 below_120=float(np.mean(ratios <= 1.2)) if len(ratios) else math.nan,
+                exact_ratio_mean=float(np.nanmean(exact)) if len(ratios) else math.nan,
+                exact_ratio_p95=float(np.nanpercentile(exact, 95)) if len(ratios) else math.nan,
+                exact_below_120=float(np.mean(exact[np.isfinite(exact)] <= 1.2)) if len(ratios) else math.nan,
                 same_mode=same,
             )
         )

@@ -1,4 +1,4 @@
-"""The least cost of many bodies and targets, quickly and to some per cent: rows of `envs.task.bodies`."""
+"""The least cost of many bodies and targets, quickly and a little too high: rows of `envs.task.bodies`."""
 
 import math
 
@@ -28,8 +28,8 @@ def least_costs(config: EnvConfig, rows: Table) -> Array:
     """Mean of the sum of squared torques over their limit, (rows,); nan where no motion within the tolerance keeps the
     torque limit and the centre of pressure inside the foot.
 
-    The cost of the cheapest sinusoid that keeps the limits, or else of a program with few harmonics. `config` has what the
-    rows do not say. Friction is not part of the linear stander.
+    The cost of the cheapest sinusoid that keeps the limits, typically a tenth above the least, or else of a program with
+    few harmonics. `config` has what the rows do not say. Friction is not part of the linear stander.
     """
     body = read_segments(config)
     return np.array([_least_cost(body, config, dict(zip(COLUMNS, row, strict=True))) for row in rows.tolist()])

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 
 from envs.body.segments import Segments
 from envs.config import EnvConfig
+from posture.analysis.coordination import torque_cost
 from posture.analysis.results import LeastCost, MotionIndices, columns_of
-from posture.theory.motion import motion_indices
+from posture.theory.motion import joint_arrays, motion_indices
+from posture.theory.nonlinear import exact_bound, exact_stander
 from posture.theory.optimum import bound, cheapest_sinusoid
 from posture.theory.program import InfeasibleError
 from posture.theory.reward_optimum import reward_terms
@@ -44,8 +47,18 @@ def predict(body: Segments, config: EnvConfig, freq: float, tolerance: float, du
         found = motion_indices(motion, duration)
         energy, torque = reward_terms(motion, config)
         binds = cop_binds(stander, found.cop_min_m, found.cop_max_m)
-        feasible, least = True, LeastCost(**asdict(found), reward_energy=energy, reward_torque=torque, cop_binds=binds)
+        exact = _exact_cost(body, config, freq, tolerance)
+        weighed = {"reward_energy": energy, "reward_torque": torque}
+        feasible, least = True, LeastCost(**asdict(found), **weighed, exact_cost=exact, cop_binds=binds)
     return Prediction(freq, config.hip_k, config.ankle_k, config.load, tolerance, feasible, sinusoid, least)
+
+
+def _exact_cost(body: Segments, config: EnvConfig, freq: float, tolerance: float) -> float:
+    try:
+        motion = exact_bound(exact_stander(body, config), freq, config.amplitude, tolerance)
+    except InfeasibleError:
+        return math.nan
+    return torque_cost(joint_arrays(motion)[0], config.torque_limit)
 
 
 def cop_binds(stander: Stander, low: float, high: float) -> str:

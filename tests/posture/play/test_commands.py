@@ -135,8 +135,8 @@ def test_recording_of_a_fall_is_refused(monkeypatch, capsys, tmp_path):
     # Trained with hips of 200 Nm/rad, in a body without springs and with the heaviest load.
     with pytest.raises(SystemExit) as stop:
         call(
-            monkeypatch, "play", "record=out.html", "ckpt=pretrained/hip_k-200", "sliders.hip_k=[0,250,5]", "hip_k=0", "ankle_k=0",
-            "load=8", "recording.freq=[1.4,1.5]", "recording.hold=20", "frames_per_s=5",
+            monkeypatch, "play", "record=out.html", "ckpt=pretrained/hip_k-200", "sliders.hip_k=[0,250,5]", "hip_k=0",
+            "ankle_k=0", "load=8", "recording.freq=[1.4,1.5]", "recording.hold=20", "frames_per_s=5",
         )  # fmt: skip
     message = capsys.readouterr().err
     assert stop.value.code == 1 and "error: the stander fell" in message and "Traceback" not in message

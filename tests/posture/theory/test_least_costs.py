@@ -37,5 +37,5 @@ def test_effort_is_weighed_as_in_the_training(env_config):
     soft = config.model_copy(update={"hip_k": 25.0})
     assert weighted(soft, body, 0.2).energy_weight == pytest.approx(20 * 3)
     least = predict(body, config, 0.6, config.reward.tolerance, 100.0).least.cost
-    assert weighted(config, body, 0.6).energy_weight == pytest.approx(20 * (0.04 / least) ** 0.5, rel=0.03)
+    assert weighted(config, body, 0.6).energy_weight == pytest.approx(20 * (0.04 / least) ** 0.5, rel=0.1)
     assert weighted(env_config(*keys[1:]), body, 0.6).energy_weight == 20.0
