@@ -45,8 +45,9 @@ class Agreement:
     """How near a policy is to the theory over the trials of a map, or the random ones.
 
     trials: feasible ones. falls: of these. cost_ratio: mean, 95th percentile and largest of cost over least cost.
-    below_120: share with a ratio of at most 1.2. exact_*: the same of the cost over `LeastCost.exact_cost`. same_mode: share of the cells at least `NEAR_HZ` from the transition of the
-    trained reward whose correlation has the theory's sign; nan for random trials.
+    below_120: share with a ratio of at most 1.2. exact_*: the same of the cost over `LeastCost.exact_cost`. same_mode: share
+    of the cells at least `NEAR_HZ` from the transition of the trained reward whose correlation has the theory's sign; nan
+    for random trials.
     """
 
     varied: str

@@ -48,8 +48,9 @@ def predict(body: Segments, config: EnvConfig, freq: float, tolerance: float, du
         energy, torque = reward_terms(motion, config)
         binds = cop_binds(stander, found.cop_min_m, found.cop_max_m)
         exact = _exact_cost(body, config, freq, tolerance)
-        weighed = {"reward_energy": energy, "reward_torque": torque}
-        feasible, least = True, LeastCost(**asdict(found), **weighed, exact_cost=exact, cop_binds=binds)
+        indices = asdict(found)
+        least = LeastCost(**indices, reward_energy=energy, reward_torque=torque, exact_cost=exact, cop_binds=binds)
+        feasible = True
     return Prediction(freq, config.hip_k, config.ankle_k, config.load, tolerance, feasible, sinusoid, least)
 
 
