@@ -96,8 +96,8 @@ def agreement(found: Trials, seed: int, results: Sequence[Result], switches: Seq
         own = [one for one, varied in zip(results, found.varied, strict=True) if varied == name]
         feasible = [one for one in own if math.isfinite(one.least.cost)]
         standing = [one for one in feasible if one.valid]
-        ratios = np.array([one.cost_ratio for one in standing])
-        exact = np.array([one.cost / one.least.exact_cost for one in standing])
+        mean, high, most, below = _spread([one.cost_ratio for one in standing])
+        exact_mean, exact_high, _, exact_below = _spread([one.cost / one.least.exact_cost for one in standing])
         same = math.nan
         if name != RANDOM:
             reward = {row.value: row.reward_hz for row in switches if row.varied == name}
@@ -113,17 +113,25 @@ def agreement(found: Trials, seed: int, results: Sequence[Result], switches: Seq
                 seed=seed,
                 trials=len(feasible),
                 falls=sum(one.fell for one in feasible),
-                cost_ratio_mean=float(ratios.mean()) if len(ratios) else math.nan,
-                cost_ratio_p95=float(np.percentile(ratios, 95)) if len(ratios) else math.nan,
-                cost_ratio_max=float(ratios.max()) if len(ratios) else math.nan,
-                below_120=float(np.mean(ratios <= 1.2)) if len(ratios) else math.nan,
-                exact_ratio_mean=float(np.nanmean(exact)) if len(ratios) else math.nan,
-                exact_ratio_p95=float(np.nanpercentile(exact, 95)) if len(ratios) else math.nan,
-                exact_below_120=float(np.mean(exact[np.isfinite(exact)] <= 1.2)) if len(ratios) else math.nan,
+                cost_ratio_mean=mean,
+                cost_ratio_p95=high,
+                cost_ratio_max=most,
+                below_120=below,
+                exact_ratio_mean=exact_mean,
+                exact_ratio_p95=exact_high,
+                exact_below_120=exact_below,
                 same_mode=same,
             )
         )
     return rows
+
+
+def _spread(ratios: Sequence[float]) -> tuple[float, float, float, float]:
+    """Mean, 95th percentile, maximum, and share of at most 1.2, of those that are finite; nan without any."""
+    finite = np.array([ratio for ratio in ratios if math.isfinite(ratio)])
+    if not len(finite):
+        return 4 * (math.nan,)  # type: ignore[return-value]
+    return float(finite.mean()), float(np.percentile(finite, 95)), float(finite.max()), float(np.mean(finite <= 1.2))
 
 
 class _Theory:
