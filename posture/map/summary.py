@@ -130,7 +130,7 @@ def _spread(ratios: Sequence[float]) -> tuple[float, float, float, float]:
     """Mean, 95th percentile, maximum, and share of at most 1.2, of those that are finite; nan without any."""
     finite = np.array([ratio for ratio in ratios if math.isfinite(ratio)])
     if not len(finite):
-        return 4 * (math.nan,)  # type: ignore[return-value]
+        return 4 * (math.nan,)
     return float(finite.mean()), float(np.percentile(finite, 95)), float(finite.max()), float(np.mean(finite <= 1.2))
 
 
