@@ -33,9 +33,9 @@ from posture.storage import checkpoint, provenance, run_dir, yaml_files
 from posture.storage.atomic import replacing
 from posture.storage.lock import locked
 from posture.theory.lqr import plan
+from posture.theory.nonlinear import exact_stander
 from posture.theory.prediction import predict
 from posture.theory.program import InfeasibleError
-from posture.theory.stander import linearise
 
 AS_TRAINED = EnvChanges(
     hip_k=None,
@@ -127,7 +127,7 @@ def evaluate_lqr(
 ) -> list[Result]:
     """Evaluate the model-based controller; see `evaluate_policy`. Raises ConfigError where its motion cannot be planned."""
     trial = trial_config(config.env, evaluation, changes, device)
-    stander = linearise(read_segments(trial), trial)
+    stander = exact_stander(read_segments(trial), trial)
     try:
         motions = [plan(stander, freq, trial.amplitude, evaluation.tolerance, config) for freq in evaluation.freq]
     except InfeasibleError as error:

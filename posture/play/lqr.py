@@ -19,8 +19,8 @@ from posture.evaluation.lqr_policy import flat_foot_state
 from posture.play.environment import PlayEnv, Settings
 from posture.play.theory_worker import Coefficients, TheoryRequest, TheoryWorker
 from posture.theory import lqr
+from posture.theory.nonlinear import exact_stander
 from posture.theory.program import HARMONICS, InfeasibleError
-from posture.theory.stander import JOINTS_OF_A_KIND, linearise
 
 SETTLING = 5.8
 """w times the time after which the coefficients are within 2 % of the plan."""
@@ -30,7 +30,7 @@ FREQ_GRID_HZ = 0.02
 
 def plan(body: Segments, env: EnvConfig, freq: float, tolerance: float, config: LqrConfig) -> Coefficients:
     """The coefficients of `posture.theory.lqr.plan`. Raises InfeasibleError."""
-    return lqr.plan(linearise(body, env), freq, env.amplitude, tolerance, config).coefficients
+    return lqr.plan(exact_stander(body, env), freq, env.amplitude, tolerance, config).coefficients
 
 
 class ReplanningLqr:
@@ -56,15 +56,15 @@ class ReplanningLqr:
         measured, correction = (values[0].double().numpy() for values in flat_foot_state(env))
         deviation = measured - np.concatenate(self._reference(env.phase, settings.freq)[:2])
         mid_step = env.phase + np.pi * settings.freq * env.config.control_dt
-        torque = self._torque(*self._reference(mid_step, settings.freq)) + correction - self._gain @ deviation
+        torque = self._stander.torque(*self._reference(mid_step, settings.freq)) + correction - self._gain @ deviation
         return torch.tensor(torque / env.config.torque_limit, dtype=torch.float32)[None]
 
     def _update_plan(self, env: PlayEnv, settings: Settings) -> None:
-        """Update the linear model, the feedback gain and the newest available plan."""
+        """Update the stander, the feedback gain and the newest available plan."""
         config = settings.apply_to(env.config)
         if self._planned_for != settings.without_freq:
             self._planned_for = settings.without_freq
-            self._stander = linearise(self._body, config)
+            self._stander = exact_stander(self._body, config)
             self._gain = lqr.gain(self._stander, config.control_dt, self._config)
         freq = FREQ_GRID_HZ * max(1, round(settings.freq / FREQ_GRID_HZ))
         arguments = self._body, config, freq, settings.tolerance, self._config
@@ -91,9 +91,3 @@ class ReplanningLqr:
         velocity = self._rate + factor * self._position
         acceleration = self._acceleration + 2 * factor * self._rate + factor**2 * self._position
         return tuple((wave @ part).real for part in (self._position, velocity, acceleration))
-
-    def _torque(self, angle: Array, velocity: Array, acceleration: Array) -> Array:
-        """Torque of one joint (hip, ankle) that the linear stander needs for this motion [Nm]. (2,)."""
-        model = self._stander
-        moment = model.mass @ acceleration + model.damping @ velocity + model.stiffness @ angle + model.offset
-        return np.asarray(moment / JOINTS_OF_A_KIND)

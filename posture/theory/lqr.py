@@ -1,11 +1,11 @@
 """The model-based controller: the torque-optimal motion fed forward, with linear-quadratic feedback around it.
 
-The least-cost motion of the linear stander (`posture.theory.optimum.bound`) is planned beforehand for the frequency of each
-world and faded in from standing. The torque of a joint is
+The least-cost motion (`posture.theory.nonlinear.exact_bound`) is planned beforehand for the frequency of each world and
+faded in from standing. The torque of a joint is
 
     tau = tau_ref(t + dt/2) - G (z - z_ref(t)),   z = (hip, ankle, their velocities),
 
-where tau_ref is the torque that the linear stander needs for the reference, and G the gain that minimises the sum over
+where tau_ref is the torque that the exact stander needs for the reference, and G the gain that minimises the sum over
 control steps of z' Q z + tau' R tau for the linear stander with torques held constant over a step. Q and R are diagonal, one
 over the squares of deviations that count as equally large (Bryson's rule); these are in conf/lqr.yaml.
 
@@ -21,8 +21,8 @@ import scipy.linalg
 from posture.analysis.trajectory import Array
 from posture.config.eval import LqrConfig
 from posture.theory.motion import PeriodicMotion
-from posture.theory.optimum import bound
-from posture.theory.stander import JOINTS_OF_A_KIND, Stander
+from posture.theory.nonlinear import ExactMotion, ExactStander, exact_bound
+from posture.theory.stander import Stander
 
 
 def gain(stander: Stander, dt: float, config: LqrConfig) -> Array:
@@ -34,17 +34,17 @@ def gain(stander: Stander, dt: float, config: LqrConfig) -> Array:
     return np.asarray(np.linalg.solve(r + b.T @ p @ b, b.T @ p @ a))
 
 
-def plan(stander: Stander, freq: float, amplitude: float, tolerance: float, config: LqrConfig) -> PeriodicMotion:
+def plan(stander: ExactStander, freq: float, amplitude: float, tolerance: float, config: LqrConfig) -> ExactMotion:
     """The least-cost motion that leaves the configured margins of foot and tolerance [m] to feedback."""
     shorter = replace(stander, heel_x=stander.heel_x + config.foot_margin, toe_x=stander.toe_x - config.foot_margin)
-    return bound(shorter, freq, amplitude, tolerance - config.tolerance_margin)
+    return exact_bound(shorter, freq, amplitude, tolerance - config.tolerance_margin)
 
 
 def reference(motion: PeriodicMotion, time: Array, fade_in: float) -> tuple[Array, Array, Array]:
     """Angle [rad], velocity [rad/s] and torque of one joint [Nm] of `motion`, faded in from upright over `fade_in` [s].
 
     time: (T,) [s]. Shapes (T, 2). The fade is the quintic with zero velocity and acceleration at both ends, and the torque
-    is what the linear stander needs for the faded motion.
+    is what the motion's stander needs for the faded motion.
     """
     x = np.clip(time / fade_in, 0.0, 1.0)[:, None]
     share = x**3 * (10 - 15 * x + 6 * x**2)
@@ -53,6 +53,4 @@ def reference(motion: PeriodicMotion, time: Array, fade_in: float) -> tuple[Arra
     q, v, a = motion.angle(time), motion.velocity(time), motion.acceleration(time)
     angle, velocity = share * q, slope * q + share * v
     acceleration = curve * q + 2 * slope * v + share * a
-    plant = motion.stander
-    moment = acceleration @ plant.mass.T + velocity @ plant.damping.T + angle @ plant.stiffness.T + plant.offset
-    return angle, velocity, moment / JOINTS_OF_A_KIND
+    return angle, velocity, motion.stander.torque(angle, velocity, acceleration)

@@ -95,6 +95,10 @@ class ExactStander(Stander):
         cop = self.body.ankle_x + turning / (self.weight + up)
         return np.concatenate([torque, head[..., None], cop[..., None]], axis=-1)
 
+    def torque(self, angle: Array, velocity: Array, acceleration: Array) -> Array:
+        """See `Stander.torque`."""
+        return self.outputs(np.concatenate([angle, velocity, acceleration], axis=-1))[..., :2]
+
 
 def exact_stander(body: Segments, config: EnvConfig) -> ExactStander:
     """The stander of `linearise`, exact."""

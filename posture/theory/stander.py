@@ -98,6 +98,11 @@ class Stander:
         exponential = scipy.linalg.expm(dt * np.vstack([np.column_stack([drift, push, pull]), np.zeros((3, 7))]))
         return exponential[:4, :4], exponential[:4, 4:6], exponential[:4, 6]
 
+    def torque(self, angle: Array, velocity: Array, acceleration: Array) -> Array:
+        """Torque of one hip and one ankle [Nm] that this motion needs; (hip, ankle) each. (..., 2)."""
+        moment = acceleration @ self.mass.T + velocity @ self.damping.T + angle @ self.stiffness.T + self.offset
+        return np.asarray(moment / JOINTS_OF_A_KIND)
+
     @property
     def torque_offset(self) -> Array:
         """Torque of one joint that holds the body upright [Nm], (2,)."""

@@ -10,7 +10,7 @@ from posture.config.reading import read
 from posture.evaluation.lqr_policy import LqrController
 from posture.evaluation.trial import AS_TRAINED, evaluate_lqr, trial_config
 from posture.theory.lqr import plan
-from posture.theory.stander import linearise
+from posture.theory.nonlinear import exact_stander
 from tests.conftest import compose_eval
 
 EVAL: EvalConfig = compose_eval("evaluation.freq=[0.5,1.0]", "evaluation.duration=10.0", "evaluation.transient=4.0")
@@ -43,7 +43,7 @@ def test_on_flat_feet_and_within_the_tolerance_nothing_costs_less_than_the_bound
 def test_every_world_needs_a_motion(body):
     env = HeadTrackingEnv(trial_config(LQR.env, EVAL.evaluation, AS_TRAINED, "cpu"), 0, "cpu")
     with pytest.raises(ValueError, match="1 motions for 2 worlds"):
-        LqrController(env, [plan(linearise(body, LQR.env), 0.5, 0.1, 0.025, LQR)], LQR, 1.0)
+        LqrController(env, [plan(exact_stander(body, LQR.env), 0.5, 0.1, 0.025, LQR)], LQR, 1.0)
 
 
 def test_a_motion_that_cannot_be_made_is_refused(tmp_path):

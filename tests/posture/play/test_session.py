@@ -19,7 +19,7 @@ from posture.play.lqr import ReplanningLqr
 from posture.play.policies import policy_choices
 from posture.storage import checkpoint, run_dir
 from posture.theory.lqr import plan
-from posture.theory.stander import linearise
+from posture.theory.nonlinear import exact_stander
 from tests.posture.play.sessions import DT, InlineWorker, advance, compose_play, new_session
 
 MASS_KG, GRAVITY = 40.15, 9.81
@@ -235,13 +235,13 @@ def test_reference_of_the_lqr_converges_to_the_planned_motion(body):
         controller._update_plan(session._env, session.settings)
     for _ in range(round(10 * config.lqr.fade_in / DT)):
         controller._approach_plan(DT)
-    motion = plan(linearise(body, play_config(config.lqr.env)), 0.5, 0.1, 0.025, config.lqr)
+    motion = plan(exact_stander(body, play_config(config.lqr.env)), 0.5, 0.1, 0.025, config.lqr)
     for time in (0.0, 0.3, 1.7):
         reference = controller._reference(2 * math.pi * 0.5 * time, 0.5)
         at = np.array([time])
         assert np.allclose(reference[0], motion.angle(at)[0], atol=1e-6)
         assert np.allclose(reference[1], motion.velocity(at)[0], atol=1e-5)
-        assert np.allclose(controller._torque(*reference), motion.torque(at)[0], atol=1e-3)
+        assert np.allclose(controller._stander.torque(*reference), motion.torque(at)[0], atol=1e-3)
 
 
 def test_theory_follows_the_settings(session):
