@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from posture.theory.lqr import gain, plan, reference
+from posture.theory.nonlinear import exact_stander
+from posture.theory.optimum import bound
 from posture.theory.program import InfeasibleError
 from tests.conftest import compose_eval
 
@@ -52,7 +54,7 @@ def test_gain_is_optimal(stander):
 
 
 def test_reference_starts_upright_and_becomes_the_motion(stander):
-    motion = plan(stander, 0.5, 0.1, 0.025, LQR)
+    motion = bound(stander, 0.5, 0.1, 0.025)
     time = np.linspace(0.0, 6.0, 6001)
     angle, velocity, torque = reference(motion, time, 3.0)
     assert angle[0].tolist() == [0.0, 0.0] and velocity[0].tolist() == [0.0, 0.0]
@@ -65,12 +67,13 @@ def test_reference_starts_upright_and_becomes_the_motion(stander):
     assert torque[5:-5] == pytest.approx(moment[5:-5] / 2, abs=0.05)
 
 
-def test_the_plan_keeps_its_margins(stander):
-    motion = plan(stander, 0.9, 0.1, 0.025, LQR)
+def test_the_plan_keeps_its_margins(body, config):
+    exact = exact_stander(body, config)
+    motion = plan(exact, 0.9, 0.1, 0.025, LQR)
     time = motion.cycle()
     target = 0.1 * (1 - np.cos(2 * np.pi * 0.9 * time))
     assert abs(motion.head(time) - target).max() < 0.025 - LQR.tolerance_margin + 1e-4
-    heel, toe = stander.heel_x + LQR.foot_margin, stander.toe_x - LQR.foot_margin
+    heel, toe = exact.heel_x + LQR.foot_margin, exact.toe_x - LQR.foot_margin
     assert heel - 1e-4 < motion.cop(time).min() and motion.cop(time).max() < toe + 1e-4
     with pytest.raises(InfeasibleError):
-        plan(stander, 0.5, 2.0, 0.025, LQR)
+        plan(exact, 0.5, 2.0, 0.025, LQR)
