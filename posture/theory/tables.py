@@ -16,11 +16,18 @@ from posture.analysis.results import Row, as_row, columns_of
 from posture.analysis.table import Column, text_table
 from posture.config.published import read_published
 from posture.config.theory import TheoryConfig
+from posture.theory.nonlinear import exact_bound, exact_stander
 from posture.theory.optimum import bound
 from posture.theory.prediction import Prediction, predict
 from posture.theory.program import InfeasibleError
 from posture.theory.stander import Stander, linearise
-from posture.theory.transition import bound_transition, hip_ankle_correlation, reward_transition, sinusoid_transition
+from posture.theory.transition import (
+    bound_transition,
+    hip_ankle_correlation,
+    reward_transition,
+    sinusoid_transition,
+    transition_frequency,
+)
 
 R = TypeVar("R")
 
@@ -47,9 +54,10 @@ class TransitionsAround:
 
 @dataclass(frozen=True)
 class AllTransitions:
-    """The transitions with that of the configured reward's optimum."""
+    """The transitions with those of the exact equations, and of the configured reward's optimum."""
 
     transitions: Transitions = columns_of("")
+    exact_transition_hz: float = math.nan
     reward_transition_hz: float = math.nan
 
 
@@ -185,9 +193,13 @@ def transition(body: Segments, config: TheoryConfig) -> TheoryTable[AllTransitio
         found = reward_transition(linearise(body, config.env), config.env, config.head_tolerance, config.search)
     except ValueError:  # no weight on torques, so no motion is preferred
         found = None
-    row = AllTransitions(_transitions(body, config, config.head_tolerance), math.nan if found is None else found)
+    env, tolerance = config.env, config.head_tolerance
+    exact = transition_frequency(lambda f: exact_bound(exact_stander(body, env), f, env.amplitude, tolerance), config.search)
+    of_both = (math.nan if freq is None else freq for freq in (exact, found))
+    row = AllTransitions(_transitions(body, config, tolerance), *of_both)
     columns: list[Column[AllTransitions]] = [
         *_transition_columns(lambda row: row.transitions),
+        Column("exact f* [Hz]", lambda row: row.exact_transition_hz, ".3f"),
         Column("reward f* [Hz]", lambda row: row.reward_transition_hz, ".3f"),
     ]
     return TheoryTable("Transition frequency: closed form, least cost, configured reward", [row], columns)
@@ -271,6 +283,7 @@ _OPTIMUM: list[Column[Prediction]] = [
     Column("sinusoid cost", lambda row: row.sinusoid.cost, ".4f"),
     Column("least r", lambda row: row.least.hip_ankle_r, ".3f"),
     Column("least cost", lambda row: row.least.cost, ".4f"),
+    Column("exact cost", lambda row: row.least.exact_cost, ".4f"),
     Column("mode", lambda row: row.least.mode),
 ]
 _EFFORT: list[Column[Prediction]] = [

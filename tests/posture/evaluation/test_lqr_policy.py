@@ -18,7 +18,7 @@ LQR = EVAL.lqr
 
 
 def test_it_stands_and_costs_what_the_optimum_costs(tmp_path, capsys):
-    """Feet flat and in place, at most 3 % from the least cost of the exact equations, in-phase at 0.5 Hz, anti-phase at 1."""
+    """Feet flat and in place, at most 3 % from the least cost of the exact equations; in-phase, then anti-phase."""
     rows = evaluate_lqr(LQR, EVAL.evaluation, AS_TRAINED, "cpu", tmp_path)
     assert [row.mode for row in rows] == ["in-phase", "anti-phase"]
     for row, written in zip(rows, read_csv(tmp_path / "metrics.csv"), strict=True):
@@ -41,7 +41,7 @@ def test_on_flat_feet_and_within_the_tolerance_nothing_costs_less_than_the_bound
 
 
 def test_with_soft_hips_the_exact_equations_count(tmp_path):
-    """Hips of 25 Nm/rad need half a newton metre: the terms that small angles leave out are a quarter of the cost and more."""
+    """Hips of 25 Nm/rad need half a newton metre: the terms that small angles leave out are a quarter of the cost."""
     soft = AS_TRAINED.model_copy(update={"hip_k": 25.0})
     for row in evaluate_lqr(LQR, EVAL.evaluation, soft, "cpu", tmp_path):
         assert 0.97 < row.cost / row.least.exact_cost < 1.04 and row.cost_ratio > 1.15
