@@ -12,6 +12,7 @@ from envs.body.segments import Segments
 from envs.config import EnvConfig
 from posture.config.errors import ConfigError
 from posture.config.eval import LqrConfig
+from posture.config.play import SETTINGS
 from posture.config.train import TrainConfig
 from posture.learning.networks import load_policy
 from posture.play.environment import PlayEnv, Settings, play_config
@@ -58,7 +59,7 @@ class PolicyChoice:
         met["freq"] = (
             (env.ramp.start, env.ramp.end) if env.ramp else env.freq if isinstance(env.freq, tuple) else (env.freq,)
         )
-        met |= env.ranges.given
+        met |= {name: bounds for name, bounds in env.ranges.given.items() if name in SETTINGS}
         margin = 1e-6  # sliders round
         return [
             name

@@ -1,7 +1,7 @@
 """Run folders reduced to what evaluation needs, small enough to come with the package: posture/pretrained/<condition>/.
 
 Each has the policy alone (tens of kilobytes), the run's configuration and its provenance. `ckpt=pretrained` is the policy of
-Exp. 1, `ckpt=pretrained/<condition>` any other.
+Exp. 1, `ckpt=pretrained/<condition>` any other. `universal` is one for many bodies (experiment=map).
 """
 
 import re
@@ -12,7 +12,7 @@ from pathlib import Path
 from posture.cli.jobs import Job
 from posture.cli.sweep import fraction_done
 from posture.config.train import TrainConfig
-from posture.storage import checkpoint, run_dir
+from posture.storage import checkpoint, provenance, run_dir, yaml_files
 from posture.storage.run_dir import PRETRAINED
 
 
@@ -24,16 +24,23 @@ def ship(jobs: Iterable[Job], seed: int, into: Path = PRETRAINED) -> list[Path]:
         model = run_dir.newest_model(job.folder)
         if job.config.seed != seed or fraction_done(job) < 1 or model is None:
             continue
-        content = checkpoint.load(model, "cpu")
-        folder = into / condition_name(job)
-        shutil.rmtree(folder, ignore_errors=True)
-        folder.mkdir(parents=True)
-        checkpoint.save({"actor_state_dict": content["actor_state_dict"], "iter": content["iter"]}, folder / model.name)
-        for file in ("config.yaml", "provenance.yaml"):
-            shutil.copyfile(job.folder / file, folder / file)
-        shipped.append(folder)
-        print(folder)
+        shipped.append(ship_policy(model, into / condition_name(job)))
+        print(shipped[-1])
     return shipped
+
+
+def ship_policy(model: Path, folder: Path) -> Path:
+    """Copy the policy of checkpoint `model` to `folder`, with the configuration and provenance of its run; return it."""
+    content = checkpoint.load(model, "cpu")
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    checkpoint.save({"actor_state_dict": content["actor_state_dict"], "iter": content["iter"]}, folder / model.name)
+    shutil.copyfile(model.parent / "config.yaml", folder / "config.yaml")
+    starts = provenance.starts(model.parent)
+    for start in starts:  # the folder of the run means nothing elsewhere
+        start["command"] = [part for part in start["command"] if not part.startswith("hydra.run.dir=")]
+    yaml_files.write_yaml(folder / "provenance.yaml", starts)
+    return folder
 
 
 def condition_name(job: Job) -> str:

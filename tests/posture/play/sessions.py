@@ -11,8 +11,8 @@ DT = 0.0166
 
 
 def compose_play(*overrides):
-    """The checked configuration that these overrides give."""
-    return composed("play", PlayConfig, overrides)
+    """The checked configuration that these overrides give, with the shipped policy of Exp. 1 where they name none."""
+    return composed("play", PlayConfig, ("ckpt=pretrained", *overrides))
 
 
 class InlineWorker:

@@ -12,14 +12,17 @@ from envs.body.joints import BODIES
 from envs.body.model import MJCF
 from envs.task.head_tracking import HeadTrackingEnv
 from posture.config.errors import ConfigError
+from posture.config.play import SETTINGS, PlayConfig
 from posture.evaluation.rollout import rollout
 from posture.learning.networks import load_policy
 from posture.play.environment import play_config
 from posture.play.lqr import ReplanningLqr
 from posture.play.policies import policy_choices
+from posture.play.session import Session
 from posture.storage import checkpoint, run_dir
 from posture.theory.lqr import plan
 from posture.theory.nonlinear import exact_stander
+from tests.conftest import composed
 from tests.posture.play.sessions import DT, InlineWorker, advance, compose_play, new_session
 
 MASS_KG, GRAVITY = 40.15, 9.81
@@ -59,6 +62,18 @@ def test_says_which_settings_the_policy_was_not_trained_on(session):
     session.choose("lqr")
     session.set(hip_k=60.0)
     assert "trained" not in session.message
+
+
+def test_every_slider_of_the_page_is_within_what_its_first_policy_was_trained_on(body):
+    config = composed("play", PlayConfig, ())
+    page = Session(config, policy_choices(config.ckpt, config.lqr), body, InlineWorker())
+    assert page.policy == "pretrained/universal" and page.message == ""
+    for end in (0, 1):
+        for name in SETTINGS:
+            page.set(**{name: getattr(config.sliders, name)[end]})
+        assert page.message == ""
+        advance(page, 10.0)
+    assert page.falls == 0
 
 
 def test_same_motion_as_in_the_evaluation(session):
@@ -210,7 +225,7 @@ def test_policy_that_cannot_be_loaded_changes_nothing(session, monkeypatch):
 def test_choices_are_all_shipped_policies_and_the_controller():
     config = compose_play()
     names = [choice.name for choice in policy_choices(config.ckpt, config.lqr)]
-    assert names[0] == "pretrained/default" and names[-1] == "lqr" and len(set(names)) == len(names) == 19
+    assert names[0] == "pretrained/default" and names[-1] == "lqr" and len(set(names)) == len(names) == 20
     assert policy_choices("lqr", config.lqr)[0].name == "lqr"
 
 

@@ -28,7 +28,7 @@ def _elsewhere(tmp_path, monkeypatch):
 
 
 def test_one_policy_of_each_condition_is_shipped():
-    conditions = {"default", *(f"energy_weight-{gamma}" for gamma in range(0, 41, 5))}
+    conditions = {"default", "universal", *(f"energy_weight-{gamma}" for gamma in range(0, 41, 5))}
     conditions |= {f"hip_k-{hip_k}" for hip_k in range(25, 201, 25)}
     assert {path.name for path in shipped()} == conditions
 
