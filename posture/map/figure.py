@@ -1,6 +1,6 @@
 """The figure of a map: modes and cost over hip stiffness and frequency, and the transition against the other parameters."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,13 +34,15 @@ def draw(found: Trials, seeds: dict[int, list[Result]], switches: Sequence[Trans
         axes = fig.subplots(2, len(names), squeeze=False, sharey=True)
         for name, (above, below) in zip(names, axes.T, strict=True):
             rows = [row for row in switches if row.varied == name]
-            modes = _cells(above, found, seeds, name, "hip_ankle_r", cmap=_MODES, vmin=-1, vmax=1)
-            ratio = _cells(below, found, seeds, name, "cost_ratio", cmap="viridis", vmin=1.0, vmax=1.5)
+            modes = _cells(above, found, seeds, name, lambda one: one.hip_ankle_r, cmap=_MODES, vmin=-1, vmax=1)
+            ratio = _cells(
+                below, found, seeds, name, lambda one: one.cost / one.least.exact_cost, cmap="viridis", vmin=1.0, vmax=1.5
+            )
             _transitions(above, rows)
             below.set(xlabel=LABEL[name])
         for ax, mesh, label in (
             (axes[0], modes, "hip-ankle correlation: in-phase +, anti-phase -"),
-            (axes[1], ratio, "cost over least cost"),
+            (axes[1], ratio, "cost over least cost, exact equations"),
         ):
             fig.colorbar(mesh, ax=list(ax), label=label, extend="max" if mesh is ratio else "neither")
             ax[0].set(ylabel="frequency [Hz]")
@@ -48,14 +50,21 @@ def draw(found: Trials, seeds: dict[int, list[Result]], switches: Sequence[Trans
         fig.savefig(path)
 
 
-def _cells(ax: Axes, found: Trials, seeds: dict[int, list[Result]], name: str, column: str, **style: Any) -> Any:
+def _cells(
+    ax: Axes,
+    found: Trials,
+    seeds: dict[int, list[Result]],
+    name: str,
+    quantity: Callable[[Result], float],
+    **style: Any,
+) -> Any:
     """A cell for each value and frequency; white where a policy fell or no motion is possible."""
     of = [cells(found, results, name) for results in seeds.values()]
     values, freq = (np.unique(column) for column in zip(*((value, one.freq_hz) for one, value in of[0]), strict=True))
     grid = np.full((len(of), len(freq), len(values)), np.nan)
     for seed, rows in enumerate(of):
         for one, value in rows:
-            grid[seed, np.searchsorted(freq, one.freq_hz), np.searchsorted(values, value)] = getattr(one, column)
+            grid[seed, np.searchsorted(freq, one.freq_hz), np.searchsorted(values, value)] = quantity(one)
     ax.grid(False)
     return ax.pcolormesh(values, freq, np.ma.masked_invalid(grid.mean(0)), shading="nearest", rasterized=True, **style)
 
