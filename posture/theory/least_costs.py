@@ -57,7 +57,7 @@ def _least_cost(body: Segments, config: EnvConfig, row: dict[str, float]) -> flo
         program = Program(stander, *task, harmonics=HARMONICS, samples=SAMPLES)
         try:
             motion = program.motion(program.least_torque())
-        except (InfeasibleError, RuntimeError):  # or, at the edge of what is possible, the solver finds neither
+        except InfeasibleError:
             return math.nan
     return _cost(motion)
 

@@ -43,7 +43,7 @@ from posture.analysis.coordination import torque_cost
 from posture.analysis.trajectory import Array
 from posture.theory.least_costs import HARMONICS, SAMPLES
 from posture.theory.motion import PeriodicMotion, joint_arrays
-from posture.theory.program import InfeasibleError, Program
+from posture.theory.program import InfeasibleError, Program, UndecidedError
 from posture.theory.reward_optimum import best_for_reward
 from posture.theory.stander import JOINTS_OF_A_KIND, PITCH, Stander, linearise, mass_and_moments
 
@@ -178,7 +178,7 @@ class ExactProgram(Program):
                 return unknowns
             share = 1.0 if iteration < FULL_STEPS else 0.5
             unknowns, before = unknowns + share * (super().least_torque() - unknowns), cost
-        raise RuntimeError(f"{self._task()}: no least cost after {MAX_ITERATIONS} iterations")
+        raise UndecidedError(f"{self._task()}: no least cost after {MAX_ITERATIONS} iterations")
 
     def motion(self, unknowns: Array) -> ExactMotion:
         """The motion that the unknowns (v,) stand for."""

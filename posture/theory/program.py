@@ -37,6 +37,10 @@ class InfeasibleError(ValueError):
     """No periodic motion of the linear stander keeps the limits; the message is one line that names the task."""
 
 
+class UndecidedError(InfeasibleError):
+    """At the edge of what is possible, the solver found neither a motion within the limits nor that there is none."""
+
+
 class Program:
     """One stander following the target A (1 - cos omega t) of amplitude A [m] at `freq` [Hz] within `tolerance` [m].
 
@@ -103,7 +107,7 @@ class Program:
                 f"({self.stander.heel_x:g}..{self.stander.toe_x:g} m) and {self.stander.torque_limit:g} Nm a joint"
             )
         if solution.status not in _SOLVED:
-            raise RuntimeError(f"{self._task()}: the solver ended with {solution.status}")
+            raise UndecidedError(f"{self._task()}: the solver ended with {solution.status}")
         return np.asarray(solution.x, dtype=np.float64)
 
     def least_torque(self) -> Array:
