@@ -66,7 +66,9 @@ TASK = with_changes(
     ],
 )
 """The default task with a schedule wherever one is possible."""
-ENDS = [(path, end) for path, end in ends(EnvConfig) if path[0] not in ("ramp", "ranges")]
+ENDS = [
+    (path, (end, end) if path == ("load_at",) else end) for path, end in ends(EnvConfig) if path[0] not in ("ramp", "ranges")
+]
 ALONE = [(path, end) for path, end in ENDS if allowed(EnvConfig, TASK, [(path, end)])]
 
 
@@ -112,7 +114,7 @@ def check_task(config):
     assert len(diverged) == STEPS and not any(diverged[: STEPS // 2])
 
 
-@pytest.mark.parametrize(("path", "end"), ALONE, ids=lambda x: ".".join(x) if isinstance(x, tuple) else f"{x:g}")
+@pytest.mark.parametrize(("path", "end"), ALONE, ids=lambda x: ".".join(map(str, x)) if isinstance(x, tuple) else f"{x:g}")
 def test_each_end_alone(path, end):
     check_task(allowed(EnvConfig, TASK, [(path, end)]))
 

@@ -10,7 +10,7 @@ from envs.engines import mujoco_c
 from envs.engines.contact_bias import bias_share, sole_contact, stiffness_and_damping
 from envs.task.head_tracking import HeadTrackingEnv
 from posture.evaluation.lqr_policy import LqrController
-from posture.theory.lqr import plan
+from posture.theory.optimum import bound
 from posture.theory.stander import linearise
 from tests.conftest import compose_eval
 from tests.envs.engines.test_sagittal import modified
@@ -32,7 +32,7 @@ def creep(body, solref=None, **solver):
     for model in env.sim._models:
         if solref is not None:
             model.geom_solref[:] = solref
-    motion = plan(linearise(body, env_config), FREQ, env_config.amplitude, 0.025, LQR)
+    motion = bound(linearise(body, env_config), FREQ, env_config.amplitude, 0.025 - LQR.tolerance_margin)
     policy = LqrController(env, [motion], LQR, SECONDS)
     place = []
     for _ in range(round(SECONDS / env_config.control_dt)):

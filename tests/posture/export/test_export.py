@@ -297,6 +297,8 @@ def test_names_of_the_components_belong_to_their_values():
         "ankle_angle_mean": (number["ankle_left"] + number["ankle_right"]) / 2,
         "hip_velocity_mean": 5.0 * (number["hip_left"] + number["hip_right"]),
         "ankle_velocity_mean": 5.0 * (number["ankle_left"] + number["ankle_right"]),
+        "hip_passive_torque": -(60 + 15) * (number["hip_left"] + number["hip_right"]) / 2,
+        "ankle_passive_torque": -(30 + 15) * (number["ankle_left"] + number["ankle_right"]) / 2,
         "hip_last_action": 0.01 * number["hip_left"], "ankle_last_action": 0.01 * number["ankle_left"],
     }  # fmt: skip
     for joint in JOINTS:

@@ -33,7 +33,7 @@ def _in_tmp_path(tmp_path, monkeypatch):
         ("freq=0", ["freq = 0"]),
         ("freq=fast", ["freq = 'fast'"]),
         ("hip_k=-5", ["hip_k = -5"]),
-        ("hip_k=300", ["hip_k = 300: allowed is 0..250"]),
+        ("hip_k=300", ["hip_k = 300: allowed is 25..200"]),
         ("amplitude=0.3", ["amplitude = 0.3: allowed is 0.05..0.12"]),
         ("tolerance=nan", ["tolerance", "finite"]),
         ("sliders.freq=[1,0.5,0.1]", ["sliders.freq: "]),

@@ -106,7 +106,7 @@ def test_controls_act_in_order_in_the_thread_of_the_session():
             ("ankle stiffness [Nm/rad]", "ankle_k", 50),
             ("load [kg]", "load", 4),
             ("amplitude [m]", "amplitude", 0.06),
-            ("tolerance [m]", "tolerance", 0.035),
+            ("tolerance [m]", "tolerance", 0.02),
         ):
             page.change(control(visitor, label), value)
             wait(lambda name=name, value=value: getattr(session.settings, name) == value)
