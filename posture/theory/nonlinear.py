@@ -36,14 +36,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from envs.body.segments import Segments, read_segments
+from envs.body.segments import Segments
 from envs.config import EnvConfig
-from envs.task.bodies import COLUMNS, Table
-from posture.analysis.coordination import torque_cost
 from posture.analysis.trajectory import Array
-from posture.theory.least_costs import HARMONICS, SAMPLES
-from posture.theory.motion import PeriodicMotion, joint_arrays
-from posture.theory.program import InfeasibleError, Program, UndecidedError
+from posture.theory.motion import PeriodicMotion
+from posture.theory.program import Program, UndecidedError
 from posture.theory.reward_optimum import best_for_reward
 from posture.theory.stander import JOINTS_OF_A_KIND, PITCH, Stander, linearise, mass_and_moments
 
@@ -194,22 +191,3 @@ def exact_bound(stander: ExactStander, freq: float, amplitude: float, tolerance:
 def exact_reward_optimum(stander: ExactStander, freq: float, config: EnvConfig, tolerance: float) -> PeriodicMotion:
     """`posture.theory.reward_optimum.reward_optimum` of the exact equations."""
     return best_for_reward(ExactProgram(stander, freq, config.amplitude, tolerance), config)
-
-
-def exact_least_costs(config: EnvConfig, rows: Table) -> Array:
-    """`posture.theory.least_costs.least_costs` of the exact equations, by a program with few harmonics for every row. Costs
-    are (rows,); nan where no motion was found that keeps the limits."""
-    body = read_segments(config)
-    return np.array([_least_cost(body, config, dict(zip(COLUMNS, row, strict=True))) for row in rows.tolist()])
-
-
-def _least_cost(body: Segments, config: EnvConfig, row: dict[str, float]) -> float:
-    own = {name: row[name] for name in ("hip_k", "ankle_k", "load", "joint_damping")}
-    stander = exact_stander(body, config.model_copy(update=own))
-    task = row["freq"], row["amplitude"], row["tolerance"]
-    program = ExactProgram(stander, *task, harmonics=HARMONICS, samples=SAMPLES)
-    try:
-        motion = program.motion(program.least_torque())
-    except InfeasibleError:
-        return math.nan
-    return torque_cost(joint_arrays(motion, SAMPLES)[0], stander.torque_limit)

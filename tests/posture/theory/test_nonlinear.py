@@ -9,12 +9,10 @@ import pytest
 import scipy.optimize
 
 from envs.body.segments import read_segments
-from envs.task import bodies
 from posture.theory.nonlinear import (
     ExactMotion,
     ExactProgram,
     exact_bound,
-    exact_least_costs,
     exact_reward_optimum,
     exact_stander,
 )
@@ -166,21 +164,3 @@ def test_another_solver_does_not_improve_the_reward(exact, env_config, hip_k, fr
     assert top <= better + 1e-6 and better - top < 0.01 * gamma * cost(best)
     whole = exact_reward_optimum(stander, freq, config, TOLERANCE)
     assert miss(whole).max() < TOLERANCE + 1e-4 and reward(whole, config) > top - 1e-3 * abs(top)
-
-
-def test_least_costs_of_rows(env_config):
-    """Of few harmonics: those of twelve, body by body; nan where the torques do not suffice. In the last row hips bend by
-    more than a radian, and full steps would go back and forth."""
-    keys = ["env.hip_k=[25,75]", "env.ankle_k=[0,75]", "env.load=[0,8]", "env.amplitude=[0.04,0.2]", "env.freq=[0.1,1.5]"]
-    config = env_config(*keys, "env.reward.tolerance=[0.01,0.03]")
-    rows = np.vstack([bodies.table(config, 1, count=12)[0], [1.47, 27.0, 43.3, 6.1, 0.183, 1.8, 1.0, 0.024]])
-    found, body = exact_least_costs(config, rows), read_segments(config)
-    for row, least in zip(rows, found, strict=True):
-        values = dict(zip(bodies.COLUMNS, row, strict=True))
-        own = {name: values[name] for name in ("hip_k", "ankle_k", "load", "joint_damping")}
-        stander = exact_stander(body, config.model_copy(update=own))
-        assert least == pytest.approx(
-            cost(exact_bound(stander, *(values[k] for k in ("freq", "amplitude", "tolerance")))), rel=0.02
-        )
-    weak = exact_least_costs(config.model_copy(update={"torque_limit": 10.0}), rows)
-    assert np.isnan(weak).any() and np.isfinite(weak).any()
