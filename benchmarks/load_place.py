@@ -12,12 +12,16 @@ from shared import compose
 
 from envs.body.segments import Segments, read_segments
 from envs.config import EnvConfig
+from posture.config.published import read_published
 from posture.theory.optimum import bound
 from posture.theory.program import InfeasibleError
 from posture.theory.stander import linearise
 from posture.theory.transition import bound_transition, hip_ankle_correlation
 
-FREQ_HZ, LOAD_KG, HEAVIEST_KG = 0.4, 4.0, 50.0
+PAPER = read_published().experiment_4b
+FREQ_HZ, LOAD_KG = PAPER.freq_hz, PAPER.load_kg[-1]
+HEAVIEST_KG = 50.0
+"""The heaviest load that is tried."""
 PLACES = {
     "centre of mass": None,
     "behind it": (-0.21, -0.18),
