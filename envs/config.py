@@ -219,7 +219,8 @@ class EnvConfig(Strict):
         for name, key in RANGE_KEYS.items():
             part = parts[key.rpartition(".")[0]]
             if isinstance(value := part.get(name), (list, tuple)):
-                if len(value) != 2 or not all(type(bound) in (int, float) for bound in value):
+                # An integer may be larger than any float.
+                if len(value) != 2 or not all(type(bound) in (int, float) and abs(bound) < 1e9 for bound in value):
                     raise ValueError(f"{key} = {list(value)}: allowed is a number, or a range [low, high]")
                 ranges[name], part[name] = tuple(value), sum(value) / 2
         return parts[""] | {"ranges": ranges} | ({"reward": parts["reward"]} if isinstance(reward, dict) else {})

@@ -112,6 +112,8 @@ REFUSED = [  # beside the ranges, which every key has (test above)
     ("train", "env.hip_k=-5", "env.hip_k = -5: must be greater than or equal to 0"),
     ("train", "env.hip_k=nan", "env.hip_k"),
     ("train", "env.ankle_k=inf", "env.ankle_k"),
+    ("train", "env.friction=[0,1e400]", "env.friction = [0, inf]: allowed is a number, or a range [low, high]"),
+    ("train", f"env.friction=[0,{10**400}]", "env.friction"),
     ("train", "env.load=true", "env.load: true is not allowed here"),
     ("train", "env.ramp={start:0.5,rate:-0.1,duration:10}", "env.ramp: the ramp ends at -0.5 Hz"),
     ("train", "env.ramp=3", "env.ramp = 3: allowed is a ramp {start: .., rate: .., duration: ..} in quotes"),
