@@ -186,6 +186,7 @@ class EnvConfig(Strict):
     load: Load
     load_at: tuple[LoadPlace, LoadPlace] | None
     ranges: Ranges
+    log_ranges: tuple[str, ...]
     energy_weight: Annotated[float, Field(ge=0, le=10_000)] | Schedule
 
     physics: Physics
@@ -243,6 +244,12 @@ class EnvConfig(Strict):
                     f"observations.{group}: unknown {', '.join(unknown)}; allowed are {', '.join(sorted(TERMS))}"
                 )
             check_once(terms, f"observations.{group}")
+        check_once(self.log_ranges, "log_ranges")
+        for name in self.log_ranges:
+            if name not in self.ranges.given:
+                raise ValueError(f"log_ranges: {name} has no range; allowed are {', '.join(self.ranges.given) or 'none'}")
+            if not self.ranges.given[name][0] > 0:
+                raise ValueError(f"log_ranges: {name} has a range from 0, which has no logarithm")
         check_followed(self.highest_freq, self.control_dt, "freq" if self.ramp is None else "ramp")
         tolerances = {"termination.head_tolerance": self.termination.head_tolerance or 0.0}
         if self.reward.tolerance_weight:
@@ -270,7 +277,7 @@ class EnvConfig(Strict):
 
     def without_ranges(self) -> "EnvConfig":
         """The same of one body: every key has its own value."""
-        return self.model_copy(update={"ranges": Ranges(**dict.fromkeys(RANGE_KEYS))})
+        return self.model_copy(update={"ranges": Ranges(**dict.fromkeys(RANGE_KEYS)), "log_ranges": ()})
 
     @property
     def head_tolerance(self) -> float | None:

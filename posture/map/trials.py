@@ -25,7 +25,7 @@ class Trials:
 def trials(config: MapConfig, env: EnvConfig) -> Trials:
     """The trials that `config` asks for, of a policy trained in `env`.
 
-    Maps vary one parameter and the frequency, and random trials everything that `env` has a range for. Of the latter those
+    Maps vary one parameter and the frequency, and random trials everything that `env` has a range for, uniformly. Of the latter those
     that the limits of torque and foot do not allow are replaced.
     """
     nominal = {name: bodies.value_of(env, name) for name in COLUMNS[1:]} | {"tolerance": config.evaluation.tolerance}
@@ -37,5 +37,6 @@ def trials(config: MapConfig, env: EnvConfig) -> Trials:
     ]
     rows = [np.array([[values[name] for name in COLUMNS] for _, values in found]).reshape(-1, len(COLUMNS))]
     if config.random:
-        rows.append(bodies.table(env, config.seed + 2**31, least_costs, config.random)[0])
+        uniform = env.model_copy(update={"log_ranges": ()})
+        rows.append(bodies.table(uniform, config.seed + 2**31, least_costs, config.random)[0])
     return Trials([name for name, _ in found] + config.random * [RANDOM], np.concatenate(rows))

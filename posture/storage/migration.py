@@ -11,7 +11,7 @@ from typing import Any
 from envs.config import RANGE_KEYS
 from posture.config.errors import ConfigError
 
-VERSION = 7
+VERSION = 8
 
 
 def upgrade(values: dict[str, Any], file: Path) -> dict[str, Any]:
@@ -77,6 +77,13 @@ def _from_6(values: dict[str, Any]) -> dict[str, Any]:
     return values
 
 
+def _from_7(values: dict[str, Any]) -> dict[str, Any]:
+    """Ranges were drawn uniformly."""
+    with contextlib.suppress(KeyError, TypeError, AttributeError):  # as above
+        values["env"].setdefault("log_ranges", [])
+    return values
+
+
 UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     1: _from_1,
     2: _from_2,
@@ -84,5 +91,6 @@ UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     4: _from_4,
     5: _from_5,
     6: _from_6,
+    7: _from_7,
 }
 """By version, the function that gives the version after it."""

@@ -1,5 +1,7 @@
 """Bodies, targets and tolerances that are drawn for each episode."""
 
+import re
+
 import numpy as np
 import pytest
 import torch
@@ -10,6 +12,7 @@ from envs.engines.factory import simulate
 from envs.engines.interface import SUBJECT
 from envs.task import bodies
 from envs.task.head_tracking import HeadTrackingEnv
+from posture.config.errors import ConfigError
 
 RANGES = {
     "hip_k": (25.0, 200.0),
@@ -84,6 +87,28 @@ def test_the_table_fills_the_ranges_more_evenly_than_independent_draws(varied):
     unit = (rows - rows.min(0)) / np.ptp(rows, axis=0)
     independent = [qmc.discrepancy(np.random.default_rng(seed).random(unit.shape)) for seed in range(5)]
     assert qmc.discrepancy(unit) < 0.5 * min(independent)
+
+
+def test_a_logarithmic_range_has_as_many_draws_in_each_octave(env_config):
+    config = env_config("env.hip_k=[25,200]", "env.load=[0,8]", "env.freq=[0.1,1.5]", "env.log_ranges=[hip_k]")
+    rows = dict(zip(bodies.COLUMNS, bodies.table(config, 1, count=1024)[0].T, strict=True))
+    octaves = np.histogram(rows["hip_k"], [25, 50, 100, 200.001])[0]
+    assert (np.abs(octaves - 1024 / 3) < 4).all()
+    assert abs(rows["load"].mean() - 4.0) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (["env.log_ranges=[hip_k]"], "log_ranges: hip_k has no range; allowed are none"),
+        (["env.log_ranges=[knee_k]", "env.load=[0,8]"], "log_ranges: knee_k has no range; allowed are load"),
+        (["env.log_ranges=[load]", "env.load=[0,8]"], "log_ranges: load has a range from 0, which has no logarithm"),
+        (["env.log_ranges=[hip_k,hip_k]", "env.hip_k=[25,200]"], "log_ranges: hip_k appears 2 times"),
+    ],
+)
+def test_only_a_positive_range_can_be_logarithmic(env_config, overrides, message):
+    with pytest.raises(ConfigError, match=re.escape(message)):
+        env_config(*overrides)
 
 
 def test_a_key_without_a_range_keeps_its_value(env_config):
