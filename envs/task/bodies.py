@@ -35,8 +35,8 @@ def table(
     drawn = isinstance(config.freq, tuple) and config.ramp is None
     bounds = {"freq": config.freq if drawn else 2 * (config.highest_freq,)}  # a ramp must be feasible at its highest
     bounds |= {name: 2 * (value_of(config, name),) for name in RANGE_KEYS} | config.ranges.given
+    low, high = np.array([bounds[name] for name in COLUMNS]).T
     in_log = np.isin(COLUMNS, config.log_ranges)
-    low, high = np.array([np.log(bounds[name]) if log else bounds[name] for name, log in zip(COLUMNS, in_log, strict=True)]).T
     varied = high > low
     size = config.num_envs * max(8, -(-ROWS // config.num_envs)) if count is None else count
     sequence = qmc.Sobol(max(1, int(varied.sum())), rng=np.random.default_rng(seed))
@@ -44,9 +44,10 @@ def table(
     costs: list[NDArray[np.float64]] = []
     found = tried = 0
     while found < size:
-        points = np.tile(low, (2 ** int(np.ceil(np.log2(size))), 1))
-        points[:, varied] += (high - low)[varied] * sequence.random(len(points))[:, : varied.sum()]
-        points[:, in_log] = np.exp(points[:, in_log])
+        unit = np.zeros((2 ** int(np.ceil(np.log2(size))), len(COLUMNS)))
+        unit[:, varied] = sequence.random(len(unit))[:, : varied.sum()]
+        points = low + (high - low) * unit
+        points[:, in_log] = low[in_log] * (high[in_log] / low[in_log]) ** unit[:, in_log]
         cost = np.full(len(points), np.nan) if least_costs is None else least_costs(config, points)
         able = np.isfinite(cost) | (least_costs is None)
         kept.append(points[able])

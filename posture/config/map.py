@@ -45,8 +45,9 @@ class Varied(Strict):
 class MapConfig(CommandConfig):
     """Configuration of `posture.map`."""
 
-    ckpt: PathText
+    ckpt: PathText | Annotated[tuple[PathText, ...], Field(min_length=1)]
     device: str
+    again: bool
     search: tuple[Freq, Freq]
     freq: Frequencies
     varied: Varied

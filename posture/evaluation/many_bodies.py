@@ -29,7 +29,7 @@ BATCH = 256
 def evaluate_many(model: Path, run: TrainConfig, rows: Table, evaluation: EvaluationConfig, device: str) -> list[Result]:
     """The results of checkpoint `model`, one for each of the `rows`, whose columns are `envs.task.bodies.COLUMNS`.
 
-    Without the theory: see `with_least_cost`. The frequencies of `evaluation` are not used.
+    Without the theory: see `least_costs_of`. The frequencies of `evaluation` are not used.
     """
     results: list[Result] = []
     for first in range(0, len(rows), BATCH):
@@ -61,11 +61,14 @@ def take(env: HeadTrackingEnv, rows: Table) -> None:
     env.episodes.tolerance.copy_(columns["tolerance"])
 
 
-def with_least_cost(results: Sequence[Result], rows: Table, env: EnvConfig, duration: float) -> list[Result]:
-    """`results` with the motion of least cost of each row, and the cost over it; nan where no motion keeps the limits."""
-    body = read_segments(env)
+def least_costs_of(rows: Table, env: EnvConfig, duration: float) -> list[LeastCost]:
+    """The motion of least cost of each row; nan where no motion keeps the limits."""
     with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
-        least = list(pool.map(_Least(body, env, duration), rows.tolist(), chunksize=32))
+        return list(pool.map(_Least(read_segments(env), env, duration), rows.tolist(), chunksize=32))
+
+
+def with_least_cost(results: Sequence[Result], least: Sequence[LeastCost]) -> list[Result]:
+    """`results` with the motion of least cost of each, and the cost over it."""
     return [replace(row, least=best, cost_ratio=row.cost / best.cost) for row, best in zip(results, least, strict=True)]
 
 

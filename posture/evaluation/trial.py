@@ -100,7 +100,7 @@ def evaluate(
             print(f"evaluated before: {out}")
             return rows
         env, policy = open_trial(model, run, trial, device)
-        return evaluate_policy(env, policy, evaluation, out, _policy_record(model, run))
+        return evaluate_policy(env, policy, evaluation, out, policy_record(model, run))
 
 
 @contextlib.contextmanager
@@ -197,7 +197,7 @@ def is_current(
     """Whether `out` holds the results of the policy of `model` under these conditions, by this code and these libraries, and
     as they were written."""
     found = yaml_files.read_yaml(out / "trial.yaml")
-    expected = _policy_record(model, run) | _conditions(evaluation, trial_config(run.env, evaluation, changes, device))
+    expected = policy_record(model, run) | _conditions(evaluation, trial_config(run.env, evaluation, changes, device))
     try:
         expected |= _digests(out)
     except OSError:
@@ -211,7 +211,7 @@ def _digests(out: Path) -> dict[str, Any]:
     return {"sha256": {name: hashlib.sha256((out / name).read_bytes()).hexdigest() for name in RESULTS}}
 
 
-def _policy_record(model: Path, run: TrainConfig) -> dict[str, Any]:
+def policy_record(model: Path, run: TrainConfig) -> dict[str, Any]:
     """Identification of the policy, and of the code and library versions that evaluated it."""
     return {
         "policy": str(model),

@@ -11,30 +11,43 @@ from pathlib import Path
 from posture.cli import entry
 from posture.config.errors import ConfigError
 from posture.config.map import MapConfig
-from posture.storage import run_dir
+from posture.storage import run_dir, yaml_files
+
+FILES = ("map.csv", "transitions.csv", "agreement.csv", "map.png", "map.yaml")
+"""What a map consists of, the record of its policies and conditions last."""
 
 
 def make_map(config: MapConfig, folder: Path) -> None:
-    """Evaluate the policy, or those of several seeds; write map.csv with every trial, transitions.csv, agreement.csv and
-    map.png, and print the last two tables."""
+    """Evaluate the policy, or those of several seeds; write map.csv with every trial, transitions.csv, agreement.csv,
+    map.png and map.yaml, and print transitions and agreement."""
     # Imported here because they are slow.
     from posture.analysis.results import Result, as_row, write_rows
-    from posture.evaluation.many_bodies import evaluate_many, with_least_cost
+    from posture.evaluation.many_bodies import evaluate_many, least_costs_of, with_least_cost
+    from posture.evaluation.trial import policy_record
     from posture.map.figure import draw
     from posture.map.summary import agreement, transitions
     from posture.map.trials import trials
 
-    models = run_dir.find_checkpoints(config.ckpt)
+    models = _models(config)
     runs = [run_dir.read_config(model.parent) for model in models]
     if any(run.env != runs[0].env for run in runs) or len({run.seed for run in runs}) < len(runs):
         raise ConfigError(f"ckpt: {config.ckpt} holds different trainings; allowed are one, or one of several seeds")
-    run_dir.writable(folder, "map.csv", "transitions.csv", "agreement.csv", "map.png")
+    record = {
+        "policies": [policy_record(model, run) for model, run in zip(models, runs, strict=True)],
+        "map": config.model_dump(mode="json", exclude={"ckpt", "out", "again", "device"}),
+    }
+    run_dir.writable(folder, *FILES)
+    if not config.again and yaml_files.read_yaml(folder / "map.yaml") == record:
+        print(f"made before: {folder}")
+        return
+    (folder / "map.yaml").unlink(missing_ok=True)  # it marks the folder as complete
     env = runs[0].env.without_ranges()
     found = trials(config, runs[0].env)
-    seeds: dict[int, list[Result]] = {}
-    for model, run in zip(models, runs, strict=True):
-        results = evaluate_many(model, run, found.rows, config.evaluation, config.device)
-        seeds[run.seed] = with_least_cost(results, found.rows, env, config.evaluation.duration)
+    least = least_costs_of(found.rows, env, config.evaluation.duration)
+    seeds: dict[int, list[Result]] = {
+        run.seed: with_least_cost(evaluate_many(model, run, found.rows, config.evaluation, config.device), least)
+        for model, run in zip(models, runs, strict=True)
+    }
     switches = transitions(config, runs[0].env, found, seeds)
     agreed = [row for seed, results in seeds.items() for row in agreement(found, seed, results, switches)]
     rows = [
@@ -47,8 +60,15 @@ def make_map(config: MapConfig, folder: Path) -> None:
     if switches:
         write_rows([asdict(row) for row in switches], folder / "transitions.csv")
         draw(found, seeds, switches, folder / "map.png")
+    yaml_files.write_yaml(folder / "map.yaml", record)
     print(_text(agreed), *([] if not switches else ["", _text(switches)]), sep="\n")
-    print(*sorted(folder / name for name in ("map.csv", "transitions.csv", "agreement.csv", "map.png")), sep="\n")
+    print(*(folder / name for name in FILES if (folder / name).exists()), sep="\n")
+
+
+def _models(config: MapConfig) -> list[Path]:
+    """The checkpoints that `ckpt` names."""
+    names = (config.ckpt,) if isinstance(config.ckpt, str) else config.ckpt
+    return [model for name in names for model in run_dir.find_checkpoints(name)]
 
 
 def _text(rows: Sequence[object]) -> str:
@@ -61,7 +81,7 @@ def _text(rows: Sequence[object]) -> str:
 def check(configs: Sequence[MapConfig], in_sweep: bool) -> None:
     """Raise ConfigError if there is no policy for one of the jobs."""
     for config in configs:
-        run_dir.find_checkpoints(config.ckpt)
+        _models(config)
 
 
 def main() -> None:

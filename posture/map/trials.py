@@ -25,8 +25,8 @@ class Trials:
 def trials(config: MapConfig, env: EnvConfig) -> Trials:
     """The trials that `config` asks for, of a policy trained in `env`.
 
-    Maps vary one parameter and the frequency, and random trials everything that `env` has a range for, uniformly. Of the latter those
-    that the limits of torque and foot do not allow are replaced.
+    Maps vary one parameter and the frequency, and random trials everything that `env` has a range for, uniformly. Of the
+    latter those that the limits of torque and foot do not allow are replaced.
     """
     nominal = {name: bodies.value_of(env, name) for name in COLUMNS[1:]} | {"tolerance": config.evaluation.tolerance}
     found = [

@@ -26,15 +26,10 @@ from posture.config.eval import EvalConfig
 from posture.config.published import read_published
 from posture.config.reproduce import ReproduceConfig
 from posture.config.train import TrainConfig
+from posture.reproduce.experiments import EVALUATIONS, TRAININGS
 from posture.reproduce.page import text
 from posture.storage import run_dir
 
-TRAININGS = ("frequency", "energy", "hip_stiffness")
-"""Experiments that train policies."""
-EVALUATIONS = ("ramp", "load", "amplitude", "engines")
-"""Experiments that evaluate the policies of Exp. 1."""
-POLICIES = "runs/frequency"
-"""Folder of the policies of Exp. 1."""
 REPORT_EVERY_S = 60.0
 
 
@@ -60,8 +55,11 @@ def reproduce(config: ReproduceConfig, folder: Path) -> None:
     failed = False
     if "train" in config.stages:
         failed |= train(plan, config, progress)
-    if "evaluate" in config.stages and any(fraction_done(job) >= 1 for job in plan.wanted["frequency"]):
-        failed |= any([run("eval", evaluation(name, config)) for name in EVALUATIONS])
+    if "evaluate" in config.stages:
+        done = {name: [job for job in own if fraction_done(job) >= 1] for name, own in plan.wanted.items()}
+        failed |= any([run("eval", evaluation(name, config)) for name in EVALUATIONS if done[EVALUATIONS[name].policies]])
+        if done["map"]:
+            failed |= run("map", mapping([str(job.folder) for job in done["map"]], config, folder))
     if "report" in config.stages or "ship" in config.stages:
         report(plan, config, folder)
     if "train" in config.stages:
@@ -108,7 +106,7 @@ def report(plan: Plan, config: ReproduceConfig, folder: Path) -> None:
     from posture.reproduce.ship import ship
 
     paper = read_published()
-    reproduction = collect(plan.trainings, plan.evaluations, config.search, paper)
+    reproduction = collect(plan.trainings, plan.evaluations, config.search, paper, folder / "map")
     for warning in warnings(reproduction.trainings, reproduction.left_out):
         print(warning.replace("**", ""), file=sys.stderr)
     if "report" in config.stages:
@@ -128,17 +126,29 @@ def training(name: str, config: ReproduceConfig) -> list[str]:
 
 
 def evaluation(name: str, config: ReproduceConfig) -> list[str]:
-    """Arguments of `python -m posture.eval` for an experiment with the policies of Exp. 1."""
-    own = [o for o in config.overrides if o.startswith("evaluation.")]
-    if name == "ramp":  # takes the place of the frequencies
-        own = [o for o in own if not o.startswith("evaluation.freq=")]
-    return ["-m", f"experiment={name}", f"ckpt={POLICIES}", *own]
+    """Arguments of `python -m posture.eval` for one of `EVALUATIONS`."""
+    trial = EVALUATIONS[name]
+    own = _of_evaluation(config, "freq" if name == "ramp" else "")  # it takes the place of the frequencies
+    return ["-m", f"experiment={trial.experiment}", f"ckpt=runs/{trial.policies}", *own]
+
+
+def mapping(policies: Sequence[str], config: ReproduceConfig, folder: Path) -> list[str]:
+    """Arguments of `python -m posture.map` for the `policies` of many bodies; the map goes into the folder of the report."""
+    own = _of_evaluation(config, "freq", "figures")
+    return [f"ckpt=[{','.join(policies)}]", "again=false", f"out={folder / 'map'}", *own]
+
+
+def _of_evaluation(config: ReproduceConfig, *without: str) -> list[str]:
+    """The overrides of evaluations, but for those of the keys `without`."""
+    left_out = tuple(f"evaluation.{key}=" for key in without)
+    return [o for o in config.overrides if o.startswith("evaluation.") and not o.startswith(left_out)]
 
 
 def commands(config: ReproduceConfig) -> list[str]:
     """The command of each experiment, as a user would type it."""
     lines = [["python", "-m", "posture.train", *training(name, config)] for name in TRAININGS]
     lines += [["python", "-m", "posture.eval", *evaluation(name, config)] for name in EVALUATIONS]
+    lines += [["python", "-m", "posture.map", "ckpt=runs/map"]]
     return [shlex.join(line) for line in lines]
 
 

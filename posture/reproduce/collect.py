@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -19,13 +20,15 @@ from posture.analysis.results import NO_REWARD, Result, RewardOptimum, read_csv
 from posture.analysis.trajectory import Trajectory
 from posture.cli.jobs import Job
 from posture.cli.sweep import fraction_done
+from posture.config.errors import ConfigError
 from posture.config.eval import EnvChanges, EvalConfig, EvaluationConfig
 from posture.config.published import Published
 from posture.config.train import TrainConfig
-from posture.evaluation.trial import AS_TRAINED, is_current, origin
+from posture.evaluation.trial import AS_TRAINED, is_current, origin, policy_record
 from posture.learning.resume import training_seconds
 from posture.reproduce.claims.verdict import Transitions
-from posture.reproduce.reproduction import Body, Reproduction, Traces, Training
+from posture.reproduce.experiments import EVALUATIONS
+from posture.reproduce.reproduction import Body, ManyBodies, Reproduction, Traces, Training
 from posture.storage import run_dir, yaml_files
 from posture.theory.motion import motion_indices
 from posture.theory.program import InfeasibleError
@@ -42,12 +45,13 @@ def collect(
     evaluated: Mapping[str, Sequence[Job]],
     search: tuple[float, float],
     paper: Published,
+    map_folder: Path,
 ) -> Reproduction:
     """Read the results of the jobs that are done, by experiment; at least one policy of Exp. 1 must be.
 
-    The jobs `trained` train policies, the jobs `evaluated` take those of Exp. 1. Left out, and named, are runs in the same
-    sweeps that none of these jobs made, and evaluations by other code or under other conditions. `search`: where theory's
-    transitions are looked for [Hz].
+    The jobs `trained` train policies, the jobs `evaluated` take those that `EVALUATIONS` names. Left out, and named, are
+    runs in the same sweeps that none of these jobs made, and results of other code or under other conditions. `search`:
+    where theory's transitions are looked for [Hz]. `map_folder`: where `posture.map` wrote, if it did.
     """
     done = {name: [job for job in jobs if fraction_done(job) >= 1] for name, jobs in trained.items()}
     policies = done["frequency"]
@@ -55,7 +59,8 @@ def collect(
     left_out = [str(folder) for jobs in trained.values() for folder in other_runs(jobs)]
     results = {name: [result for job in jobs for result in _of_training(job, left_out)] for name, jobs in done.items()}
     for name, trials in evaluated.items():
-        results[name] = [result for job in policies for trial in trials for result in _of_trial(trial, job, left_out)]
+        own = done[EVALUATIONS[name].policies]
+        results[name] = [result for job in own for trial in trials for result in _of_trial(trial, job, left_out)]
     # Exp. 3 is compared at one frequency only: each optimum takes half a second.
     at_one = {"hip_stiffness": paper.experiment_3.freq_hz}
     for name in WITH_REWARD_OPTIMUM:
@@ -70,6 +75,7 @@ def collect(
         run=run,
         left_out=left_out,
         ramp_start=_ramp_start(ramp),
+        many_bodies=_many_bodies(map_folder, done["map"], left_out),
     )
 
 
@@ -154,6 +160,30 @@ def _read(
             left_out.append(str(out))
         return []
     return [replace(result, origin=origin(run, changes, job.folder.name)) for result in read_csv(out / "metrics.csv")]
+
+
+def _many_bodies(folder: Path, policies: Sequence[Job], left_out: list[str]) -> ManyBodies | None:
+    """The map in `folder`; none if it is of other policies or other code, or incomplete: `folder` joins `left_out`."""
+    models = [(run_dir.newest_model(job.folder), _config(job)) for job in policies]
+    expected = [policy_record(model, run) for model, run in models if model is not None]
+    if not folder.is_dir():
+        return None
+    try:
+        record = yaml_files.read_yaml(folder / "map.yaml")
+        made_of = [policy | {"policy": ""} for policy in record["policies"]]
+        tables = [_rows(folder / f"{name}.csv") for name in ("agreement", "transitions")]
+    except (OSError, KeyError, TypeError, ConfigError):
+        made_of, tables = [], []
+    # The paths of the policies may have been other ones. A map of the first seeds is one of a smaller reproduction.
+    if not made_of or any(policy not in [own | {"policy": ""} for own in expected] for policy in made_of):
+        left_out.append(str(folder))
+        return None
+    return ManyBodies(folder / "map.png", *tables)
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
 
 
 def _with_reward_optimum(results: Sequence[Result], run: TrainConfig, freq: float | None) -> list[Result]:

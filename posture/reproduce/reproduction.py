@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from posture.analysis.results import Result
@@ -30,6 +31,15 @@ class Traces:
     frequency: Trajectory | None = None
     ramp: Trajectory | None = None
     load: dict[float, Trajectory] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class ManyBodies:
+    """What `posture.map` wrote about the policies of the experiment `map`: its figure, and its tables as text by column."""
+
+    figure: Path
+    agreement: list[dict[str, str]]
+    transitions: list[dict[str, str]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,3 +74,4 @@ class Reproduction:
     run: TrainConfig
     left_out: list[str]
     ramp_start: float
+    many_bodies: ManyBodies | None = None

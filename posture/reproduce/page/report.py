@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
@@ -36,6 +37,8 @@ def write_report(
         write_csv(results, out / "tables" / f"{name}.csv")
     write_rows([asdict(claim) for claim in claims], out / "tables" / "verdicts.csv")
     figures = draw_report(reproduction, paper, report, out / "figures")
+    if reproduction.many_bodies:
+        figures["many_bodies"] = Path(shutil.copy(reproduction.many_bodies.figure, out / "figures" / "many_bodies.png"))
     sections = _sections(reproduction, paper, report, claims, figures, commands)
     count = Counter(claim.verdict for claim in claims)
     outcomes = ", ".join(f"{count[outcome]} {outcome}" for outcome in Outcome if count[outcome])
@@ -57,9 +60,10 @@ def _sections(
     """The sections of the page. Tables and figures without results, and empty sections, are left out."""
     run, results, trainings = reproduction.run, reproduction.results, reproduction.trainings
     numbers = numbers_in_text(run, paper)
-    frequency, energy, stiffness, ramp, load, engines = (
-        results.get(name) for name in ("frequency", "energy", "hip_stiffness", "ramp", "load", "engines")
+    frequency, energy, stiffness, ramp, load, load_trained, engines = (
+        results.get(name) for name in ("frequency", "energy", "hip_stiffness", "ramp", "load", "load_trained", "engines")
     )
+    many_bodies = reproduction.many_bodies
 
     def shown(*names: str) -> list[Figure]:
         words = {name: [words.format(**numbers) for words in text.FIGURES[name]] for name in names if name in figures}
@@ -81,7 +85,10 @@ def _sections(
     exp_2 = [tables.energy_table(energy, paper.table_4)] if energy else []
     exp_3 = [tables.stiffness_table(stiffness, paper.experiment_3)] if stiffness else []
     exp_4a = [tables.ramp_table(ramp, paper.experiment_4a)] if ramp else []
-    exp_4b = [tables.load_table(load, paper.experiment_4b)] if load else []
+    exp_4b = [tables.load_table(load, paper.experiment_4b, "policies trained without load")] if load else []
+    if load_trained:
+        exp_4b.append(tables.load_table(load_trained, paper.experiment_4b, "policies trained with loads"))
+    in_all = [tables.agreement_table(many_bodies), tables.many_switches_table(many_bodies)] if many_bodies else []
     in_engines = [tables.engine_table(engines)] if engines else []
     sections = [
         Section("Verdicts", "verdicts", overview),
@@ -97,6 +104,7 @@ def _sections(
         Section("Exp. 4a: rising frequency", "ramp", [*exp_4a, *shown("figure_10")]),
         Section("Exp. 4b: load", "load", [*exp_4b, *shown("figure_11", "figure_12")]),
         Section("Frequency and hip stiffness", "map", shown("figure_13")),
+        Section("One policy for many bodies", "bodies", [*in_all, *shown("many_bodies")]),
         Section("Amplitude", "amplitude", shown("amplitude")),
         Section("Other physics engines", "engines", [*in_engines, *shown("engines")]),
         Section("Claim by claim", "rules", [_in_full(claim) for claim in claims]),
@@ -109,7 +117,6 @@ def numbers_in_text(run: TrainConfig, paper: Published) -> dict[str, float]:
     """The numbers that page/text.py refers to, by name."""
     return {
         "travel": 2 * run.env.amplitude,
-        "amplitude": run.env.amplitude,
         "tolerance_mm": 1e3 * run.evaluation.tolerance,
         "duration": run.evaluation.duration,
         "energy_hz": paper.table_4.freq_hz,

@@ -34,7 +34,7 @@ from posture.reproduce.quantities import (
     Getter,
     Variable,
 )
-from posture.reproduce.reproduction import Body
+from posture.reproduce.reproduction import Body, ManyBodies
 
 Results = Sequence[Result]
 ENGINES = {"sagittal": "planar", "mujoco": "SolverMuJoCo", "mujoco_c": "MuJoCo C"}
@@ -143,10 +143,50 @@ def stiffness_table(results: Results, published: Experiment3) -> Table:
     return _coordination_table(own, HIP_K, "hip stiffness [Nm/rad]", modes, caption, hip_range=True)
 
 
-def load_table(results: Results, published: Experiment4b) -> Table:
-    """Exp. 4b, which the paper shows as a figure."""
+def load_table(results: Results, published: Experiment4b, policies: str) -> Table:
+    """Exp. 4b, which the paper shows as a figure, with `policies` of some training."""
     modes = dict(zip(published.load_kg, published.mode_at_ends, strict=True))
-    return _coordination_table(results, LOAD, "load [kg]", modes, f"Exp. 4b: {published.freq_hz:g} Hz")
+    return _coordination_table(results, LOAD, "load [kg]", modes, f"Exp. 4b: {published.freq_hz:g} Hz, {policies}")
+
+
+def agreement_table(many_bodies: ManyBodies) -> Table:
+    """How near the policies of many bodies are to the theory, over each map and over random bodies and targets."""
+    columns = {
+        "cost_ratio_mean": ".2f",
+        "cost_ratio_p95": ".2f",
+        "below_120": ".0%",
+        "exact_ratio_mean": ".2f",
+        "exact_ratio_p95": ".2f",
+        "exact_below_120": ".0%",
+        "same_mode": ".0%",
+    }
+    rows = [
+        [row["varied"], *(row[name] for name in ("seed", "trials", "falls")), *_cells(row, columns)]
+        for row in many_bodies.agreement
+    ]
+    headings = ["varied", "seed", "trials", "falls", "cost / least", "95th percentile", "at most 1.20"]
+    headings += ["exact: cost / least", "95th percentile", "at most 1.20", "mode as the reward's optimum"]
+    return Table(headings, rows, "One policy for many bodies: trials of one parameter and the frequency, and random ones")
+
+
+def many_switches_table(many_bodies: ManyBodies) -> Table:
+    """The frequency at which the modes switch, against hip stiffness, of policies of many bodies and of the theory."""
+    own = [row for row in many_bodies.transitions if row["varied"] == "hip_k"]
+    seeds = list(dict.fromkeys(row["seed"] for row in own))
+    rows = []
+    for value in dict.fromkeys(row["value"] for row in own):
+        of = {row["seed"]: row for row in own if row["value"] == value}
+        first = next(iter(of.values()))
+        cells = [_cells(of[seed], {"policy_hz": ".3f"})[0] if seed in of else "-" for seed in seeds]
+        rows.append([value, *cells, *_cells(first, {"least_hz": ".3f", "reward_hz": ".3f"})])
+    headings = ["hip stiffness [Nm/rad]", *(f"seed {seed}" for seed in seeds), "least torque", "trained reward"]
+    return Table(headings, rows, "One policy for many bodies: where its modes switch [Hz], and those of the theory")
+
+
+def _cells(row: Mapping[str, str], columns: Mapping[str, str]) -> list[str]:
+    """Numbers of a row of CSV, each in its format; a dash where there is none."""
+    values = {name: float(row[name]) for name in columns}
+    return ["-" if math.isnan(value) else format(value, columns[name]) for name, value in values.items()]
 
 
 def ramp_table(results: Results, published: Experiment4a) -> Table:

@@ -95,9 +95,15 @@ FIGURES: dict[str, tuple[str, str]] = {
         "Map of hip-ankle correlation over target frequency and hip stiffness",
         "Fig. 13. Correlation over frequency and hip stiffness; the lines show where it changes sign, here and in theory.",
     ),
+    "many_bodies": (
+        "Correlation and cost over frequency and hip stiffness, ankle stiffness, load and amplitude",
+        "Policies that were trained on bodies and targets drawn at random, means over seeds. Above: correlation, with the "
+        "frequencies at which it changes sign, here and in theory. Below: cost over least cost, which is computed without "
+        "the approximation of small angles.",
+    ),
     "amplitude": (
         "Hip-ankle correlation against frequency at several amplitudes of the target",
-        "Amplitude of the target (in the paper's text only). The policies were trained at {amplitude:g} m only.",
+        "Amplitude of the target (in the paper's text only), with policies that were trained on a range of amplitudes.",
     ),
     "engines": (
         "Hip-ankle correlation and cost ratio against frequency in each physics engine",

@@ -10,7 +10,7 @@ from envs.task.bodies import COLUMNS
 from posture.analysis.results import LeastCost, Origin, Result
 from posture.cli import jobs
 from posture.config.map import MapConfig
-from posture.evaluation.many_bodies import evaluate_many, with_least_cost
+from posture.evaluation.many_bodies import evaluate_many, least_costs_of, with_least_cost
 from posture.evaluation.trial import evaluate_at
 from posture.map.summary import Transition, agreement, transitions
 from posture.map.trials import RANDOM, Trials, trials
@@ -45,7 +45,7 @@ def test_trials_are_those_of_posture_eval():
             for freq, load in ((0.5, 2.0), (1.2, 0.0))
         ]
     )
-    found = with_least_cost(evaluate_many(model, run, rows, evaluation, "cpu"), rows, run.env, 20.0)
+    found = with_least_cost(evaluate_many(model, run, rows, evaluation, "cpu"), least_costs_of(rows, run.env, 20.0))
     for one, (freq, load) in zip(found, ((0.5, 2.0), (1.2, 0.0)), strict=True):
         (expected,), _ = evaluate_at([freq], "pretrained", 20.0, **BODY | {"load": load})
         assert one.cost == pytest.approx(expected.cost, rel=1e-4) and one.cost_ratio == pytest.approx(

@@ -17,6 +17,7 @@ from posture.config.reproduce import ReportConfig
 from posture.config.train import TrainConfig
 from posture.reproduce.claims.stiffness import map_grid
 from posture.reproduce.claims.verdict import Transitions
+from posture.reproduce.experiments import EVALUATIONS
 from posture.reproduce.reproduction import Body, Reproduction, Traces, Training
 
 CONF = Path(__file__).parents[3] / "conf"
@@ -97,9 +98,7 @@ def paper_results(seeds: int = 3) -> dict[str, list[Result]]:
     sign = {"in": 0.9, "anti": -0.9}
     table, third = PAPER.table_4, PAPER.experiment_3
     at_one = dict(zip(third.hip_k_nm_per_rad, third.mode, strict=True))
-    found: dict[str, list[Result]] = {
-        name: [] for name in ("frequency", "energy", "hip_stiffness", "ramp", "load", "amplitude", "engines")
-    }
+    found: dict[str, list[Result]] = {name: [] for name in ("frequency", "energy", "hip_stiffness", "map", *EVALUATIONS)}
     for seed in range(1, seeds + 1):
         found["frequency"] += [frequency_result(hz, seed) for hz in FREQS]
         for i, gamma in enumerate(table.gamma):
@@ -111,7 +110,9 @@ def paper_results(seeds: int = 3) -> dict[str, list[Result]]:
             found["hip_stiffness"].append(result(r, seed, hip_k_nm_per_rad=k, freq_hz=hz, hip_range_deg=40 - 0.1 * k))
         ramp = RampTransitions(0.67 + 0.01 * seed, 1, 0.76 + 0.01 * seed, 1)
         found["ramp"].append(result(0.1, seed, freq_hz=math.nan, ramp=ramp))
-        found["load"] += [result(0.9 - 0.4 * kg, seed, load_kg=kg) for kg in np.arange(0, 4.5, 0.5)]
+        found["map"] += [frequency_result(hz, seed) for hz in FREQS]
+        for name in ("load", "load_trained"):
+            found[name] += [result(0.9 - 0.4 * kg, seed, load_kg=kg) for kg in np.arange(0, 4.5, 0.5)]
         for a in REPORT.grid.amplitudes_m:
             found["amplitude"] += [frequency_result(hz, seed, 0.69 + 0.5 * (a - 0.1), a) for hz in TEN]
         for physics in ("sagittal", "mujoco", "mujoco_c"):

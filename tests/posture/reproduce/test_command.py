@@ -11,6 +11,7 @@ import pytest
 
 from posture.cli import signals
 from posture.reproduce.__main__ import run
+from posture.reproduce.experiments import TRAININGS
 from posture.reproduce.ship import ship
 from posture.storage import run_dir
 from tests.commands import TINY, call, refused, table
@@ -34,15 +35,16 @@ def reproduced(tmp_path_factory):
 
 @pytest.mark.slow
 def test_every_condition_is_trained_once(reproduced):
-    counts = {name: len(run_dir.runs_in(reproduced / "runs" / name)) for name in ("frequency", "energy", "hip_stiffness")}
-    assert counts == {"frequency": 1, "energy": 9, "hip_stiffness": 8}
+    counts = {name: len(run_dir.runs_in(reproduced / "runs" / name)) for name in TRAININGS}
+    assert counts == {"frequency": 1, "energy": 9, "hip_stiffness": 8, "map": 1}
 
 
 @pytest.mark.slow
 def test_the_tables_are_tidy(reproduced):
     tables = {path.stem: table(path) for path in (reproduced / "report" / "tables").glob("*.csv")}
     counts = {name: len(rows) for name, rows in tables.items()}
-    expected = {"frequency": 15, "energy": 9, "hip_stiffness": 80, "ramp": 1, "load": 9, "amplitude": 40, "engines": 30}
+    expected = {"frequency": 15, "energy": 9, "hip_stiffness": 80, "ramp": 1, "amplitude": 40, "engines": 30}
+    expected |= {"load": 9, "load_trained": 9}
     assert expected.items() <= counts.items()
     assert {row["physics"] for row in tables["engines"]} == {"sagittal", "mujoco", "mujoco_c"}
     assert all(row["seed"] == "1" for name in expected for row in tables[name])
@@ -64,7 +66,7 @@ def test_a_second_start_repeats_nothing(reproduced, monkeypatch, capfd):
     before = {path: path.stat().st_mtime_ns for path in Path("runs").rglob("*.npz")}
     assert before
     call(monkeypatch, "reproduce", *QUICK, "stages=[train,evaluate]")
-    assert "sweep: 18 of 18 jobs done, 18 of them before" in capfd.readouterr().out
+    assert "sweep: 19 of 19 jobs done, 19 of them before" in capfd.readouterr().out
     assert {path: path.stat().st_mtime_ns for path in Path("runs").rglob("*.npz")} == before
 
 

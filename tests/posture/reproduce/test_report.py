@@ -1,14 +1,16 @@
 """From the folders that jobs leave to verdicts and the page, with made-up results whose answer is known."""
 
 import csv
+import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
-from posture.analysis.results import NO_ORIGIN, NO_REWARD, Result, write_csv
+from posture.analysis.results import NO_ORIGIN, NO_REWARD, Result, write_csv, write_rows
 from posture.analysis.trajectory import Trajectory
 from posture.cli.jobs import Job, check
 from posture.config.eval import EvalConfig
@@ -17,6 +19,7 @@ from posture.config.train import TrainConfig
 from posture.evaluation import trial
 from posture.reproduce import __main__ as command
 from posture.reproduce import collect
+from posture.reproduce.experiments import EVALUATIONS
 from posture.storage import checkpoint, provenance, yaml_files
 from tests.posture.reproduce.examples import PAPER, REPORT, TRANSITIONS, paper_results, steady, swept
 from tests.posture.reproduce.page.test_page import Reader
@@ -40,17 +43,19 @@ def make_plan() -> command.Plan:
                 jobs.append(Job(config, folder / f"{key}-{value}"))
                 continue
             for seed in (1, 2, 3):
-                jobs.append(Job(config.model_copy(update={"seed": seed}), folder / f"{key}-{value}_seed-{seed}"))
+                jobs.append(Job(config.model_copy(update={"seed": seed}), folder / f"{name}-{value}_seed-{seed}"))
         return jobs
 
     trainings = {
         "frequency": vary("frequency", "hip_k", [125.0]),
         "energy": vary("energy", "energy_weight", PAPER.table_4.gamma),
         "hip_stiffness": vary("hip_stiffness", "hip_k", PAPER.experiment_3.hip_k_nm_per_rad),
+        "map": vary("map", "hip_k", [125.0]),
     }
     evaluations = {
         "ramp": vary("ramp", "load", [None]),
-        "load": vary("load", "load", [0.5 * i for i in range(9)]),
+        "load": (load := vary("load", "load", [0.5 * i for i in range(9)])),
+        "load_trained": load,
         "amplitude": vary("amplitude", "amplitude", REPORT.grid.amplitudes_m),
         "engines": vary("engines", "physics", ["sagittal", "mujoco", "mujoco_c"]),
     }
@@ -83,7 +88,7 @@ def write_evaluation(out: Path, job: Job, evaluation: EvalConfig | None, results
     write_csv([replace(result, origin=NO_ORIGIN) for result in results], out / "metrics.csv")
     trace.save(out / "trajectories.npz")
     env = trial.trial_config(run.env, how, changes, run.device)
-    record = trial._policy_record(model_of(job), run) | trial._conditions(how, env) | trial._digests(out)
+    record = trial.policy_record(model_of(job), run) | trial._conditions(how, env) | trial._digests(out)
     yaml_files.write_yaml(out / "trial.yaml", record)
 
 
@@ -102,7 +107,7 @@ def write_all(plan: command.Plan) -> None:
             write_training(job)
             write_evaluation(job.folder / "evaluation", job, None, results, steady([0.15, 0.75, 1.5]))
     for experiment, trials in plan.evaluations.items():
-        for job in plan.wanted["frequency"]:
+        for job in plan.wanted[EVALUATIONS[experiment].policies]:
             for evaluation in trials:
                 config, policy = evaluation.config, job.config
                 assert isinstance(config, EvalConfig) and isinstance(policy, TrainConfig)
@@ -119,6 +124,28 @@ def write_all(plan: command.Plan) -> None:
                 write_evaluation(evaluation.folder / job.folder.name, job, config, results, trace)
 
 
+def write_map(folder: Path, policies: Sequence[Job]) -> None:
+    """What `posture.map` leaves of two seeds: four random trials and two stiffnesses."""
+    folder.mkdir(parents=True)
+    spread = {"cost_ratio_mean": 1.04, "cost_ratio_p95": 1.18, "cost_ratio_max": 1.3, "below_120": 0.955}
+    spread |= {"exact_ratio_mean": 1.03, "exact_ratio_p95": 1.1, "exact_below_120": 1.0}
+    agreement = [
+        {"varied": varied, "seed": seed, "trials": 4, "falls": 0, **spread, "same_mode": same}
+        for seed in (1, 2)
+        for varied, same in (("hip_k", 1.0), ("random", math.nan))
+    ]
+    transitions = [
+        {"varied": "hip_k", "value": k, "seed": seed, "policy_hz": 0.5 + seed / 10, "least_hz": 0.65, "reward_hz": 0.68}
+        for k in (100.0, 125.0)
+        for seed in (1, 2)
+    ]
+    write_rows(agreement, folder / "agreement.csv")
+    write_rows(transitions, folder / "transitions.csv")
+    Image.new("RGB", (8, 8)).save(folder / "map.png")
+    record = [trial.policy_record(model_of(job), job.config) for job in policies]
+    yaml_files.write_yaml(folder / "map.yaml", {"policies": record})
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[command.Plan, ReproduceConfig]]:
     """The folders of all experiments, and the report on them."""
@@ -131,6 +158,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[command.Pla
         assert isinstance(job.config, ReproduceConfig)
         plan = make_plan()
         write_all(plan)
+        write_map(Path("report/map"), plan.wanted["map"])
         command.report(plan, job.config, Path("report"))
         yield plan, job.config
 
@@ -153,8 +181,8 @@ def test_the_page_is_whole(made: object) -> None:
     read = Reader(text)
     anchors = [section["id"] for section in read.all("section")]
     links = {str(a["href"]).removeprefix("#") for a in read.all("a") if str(a["href"]).startswith("#")}
-    assert len(anchors) == len(set(anchors)) == 13 and links == set(anchors)
-    assert len(read.all("img")) == 15 and all(image["alt"] for image in read.all("img"))
+    assert len(anchors) == len(set(anchors)) == 14 and links == set(anchors)
+    assert len(read.all("img")) == 16 and all(image["alt"] for image in read.all("img"))
     assert [span["class"] for span in read.all("span") if "class" in span] == ["verdict reproduced"] * 19
     assert "19 claims: 19 reproduced." in read.text and "2 seeds; no falls" in read.text
     for table in re.findall(r"<table.*?</table>", text, re.S):
@@ -165,6 +193,16 @@ def test_the_page_is_whole(made: object) -> None:
     assert row in summary
     assert "{" not in summary  # every number is filled in
     assert "| energy | 18 of 27 | 1, 2 | 1.8 |" in summary  # nine weights, 360 s each
+    assert "| random | 2 | 4 | 0 | 1.04 | 1.18 | 96% | 1.03 | 1.10 | 100% | - |" in summary
+    assert "| 125 | 0.600 | 0.700 | 0.650 | 0.680 |" in summary and "policies trained with loads, 2 seeds" in summary
+
+
+def test_a_map_of_other_policies_is_left_out(made: tuple[command.Plan, ReproduceConfig]) -> None:
+    plan, config = made
+    write_map(Path("mixed/map"), [*plan.wanted["map"], plan.wanted["frequency"][0]])
+    command.report(plan, config, Path("mixed"))
+    summary = Path("mixed/summary.md").read_text(encoding="utf-8")
+    assert "(`mixed/map`)" in summary and "One policy for many bodies:" not in summary
 
 
 def test_results_of_other_code_are_left_out_and_named(
