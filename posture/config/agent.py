@@ -96,6 +96,7 @@ class AgentConfig(Strict):
     actor: ActorConfig
     critic: CriticConfig
     std_floor: StdFloorConfig | None
+    average_from: Annotated[float, Field(ge=0, lt=1)] | None
 
     @model_validator(mode="after")
     def _falls(self) -> "AgentConfig":

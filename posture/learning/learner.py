@@ -10,6 +10,7 @@ from typing import Any
 
 import torch
 from rsl_rl.runners import OnPolicyRunner
+from torch.optim.swa_utils import AveragedModel
 
 from envs.task.head_tracking import HeadTrackingEnv
 from posture.cli import signals
@@ -33,7 +34,8 @@ class Learner(OnPolicyRunner):
     is_distributed: bool
 
     def __init__(self, env: HeadTrackingEnv, agent: AgentConfig, folder: Path, device: str) -> None:
-        config = agent.model_dump(mode="json", exclude_none=True, exclude={"std_floor"})
+        config = agent.model_dump(mode="json", exclude_none=True, exclude={"std_floor", "average_from"})
+        self._average_from = agent.average_from
         self._std_floor, self._highest_floor = agent.std_floor, agent.actor.distribution_cfg.std_range[0]
         config["algorithm"]["class_name"] = "posture.learning.ppo:LeanPPO"
         # rsl-rl would save after iterations 1, 51, ...; `save` is called after each, and keeps 50, 100, ... and the last.
@@ -44,6 +46,7 @@ class Learner(OnPolicyRunner):
         self._after_checkpoint: Callable[[int, Any], bool] | None = None
         with contextlib.redirect_stdout(io.StringIO()):  # rsl-rl prints its networks
             super().__init__(env, config, log_dir=str(folder), device=device)
+        self._average = AveragedModel(self.alg.actor)
         self.logger = TrainingLogger(
             log_dir=str(folder),
             cfg=self.cfg,
@@ -89,6 +92,8 @@ class Learner(OnPolicyRunner):
         if done == self._done:
             return  # rsl-rl calls this once more at the end
         self._done = done
+        if self._average_from is not None and self._share() > self._average_from:
+            self._average.update_parameters(self.alg.actor)
         stop = parallel.any_process(bool(signals.pending()), self.device)
         due = done % self._save_interval == 0 or done == self._total
         if stop or due:
@@ -103,24 +108,34 @@ class Learner(OnPolicyRunner):
                 print(f"stopped after iteration {done}: saved in {self.folder}; resume continues from there", flush=True)
             raise signals.Stopped(signals.pending() or signal.SIGTERM)
 
+    def _share(self) -> float:
+        """Share of the training that is done."""
+        steps = self.env.training_steps
+        return self._done * self.cfg["num_steps_per_env"] / steps if steps is not None else self._done / self._total
+
     def _set_std_floor(self) -> None:
         """Set the lower bound of the actions' standard deviation for the next iteration; see `agent.std_floor`."""
         if self._std_floor is None or self.env.training_steps is None:
             return
-        share = self._done * self.cfg["num_steps_per_env"] / self.env.training_steps
-        progress = min(max((share - self._std_floor.begin) / (1.0 - self._std_floor.begin), 0.0), 1.0)
+        progress = min(max((self._share() - self._std_floor.begin) / (1.0 - self._std_floor.begin), 0.0), 1.0)
         floor = self._highest_floor ** (1.0 - progress) * self._std_floor.end**progress
         distribution = self.alg.actor.distribution
         distribution.std_range[0], distribution.log_std_range[0] = floor, math.log(floor)
 
     def _save(self, done: int, infos: dict[str, Any] | None) -> None:
-        """Write model_<done>.pt, and resume.pt with everything else that an exact resume needs."""
+        """Write model_<done>.pt, and resume.pt with everything else that an exact resume needs.
+
+        The averages of the actor's weights are the policy of evaluations (`posture.learning.networks.load_policy`).
+        """
         states = parallel.gather(self._process_state())
         if parallel.rank() != 0:
             return
         content = self.alg.save() | {"iter": done, "infos": infos}
+        if self._average.n_averaged:
+            content["average_state_dict"] = self._average.module.state_dict()
         checkpoint.save(content, self.folder / f"model_{done}.pt")
-        checkpoint.save({"iteration": done, "processes": states}, self.folder / "resume.pt")
+        averaged = int(self._average.n_averaged)
+        checkpoint.save({"iteration": done, "averaged": averaged, "processes": states}, self.folder / "resume.pt")
 
     def load(
         self, path: str, load_cfg: dict[str, Any] | None = None, strict: bool = True, map_location: str | None = None
@@ -130,6 +145,8 @@ class Learner(OnPolicyRunner):
         with _must_fit(Path(path)):
             self.alg.load(content, load_cfg, strict)
             self.current_learning_iteration = int(content["iter"])
+            if "average_state_dict" in content:
+                self._average.module.load_state_dict(content["average_state_dict"])
         return content.get("infos")
 
     def start_from(self, file: Path) -> None:
@@ -151,6 +168,7 @@ class Learner(OnPolicyRunner):
             self.load(str(self.folder / f"model_{saved['iteration']}.pt"))
             if len(saved["processes"]) != parallel.size():
                 raise ValueError(f"it was trained by {len(saved['processes'])} processes, not {parallel.size()}")
+            self._average.n_averaged.fill_(saved.get("averaged", 0))
             state = saved["processes"][parallel.rank()]
             self.env.load_state_dict(state["env"])
             self.logger.load_state_dict(state["logger"])

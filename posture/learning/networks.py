@@ -27,7 +27,10 @@ def network(run: TrainConfig, name: Literal["actor", "critic"]) -> MLPModel:
 
 
 def load_policy(content: dict[str, Any], run: TrainConfig, model: Path, device: str | torch.device) -> MLPModel:
-    """The deterministic policy in the `content` of checkpoint `model`. Raises ConfigError if it does not fit `run`."""
+    """The deterministic policy in the `content` of checkpoint `model`, with averaged weights where it has them
+    (`agent.average_from`). Raises ConfigError if it does not fit `run`."""
+    if "average_state_dict" in content:
+        content = content | {"actor_state_dict": content["average_state_dict"]}
     return load_network(content, run, "actor", model).to(device).eval()
 
 

@@ -34,7 +34,8 @@ def ship_policy(model: Path, folder: Path) -> Path:
     content = checkpoint.load(model, "cpu")
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    checkpoint.save({"actor_state_dict": content["actor_state_dict"], "iter": content["iter"]}, folder / model.name)
+    policy = content.get("average_state_dict", content["actor_state_dict"])
+    checkpoint.save({"actor_state_dict": policy, "iter": content["iter"]}, folder / model.name)
     shutil.copyfile(model.parent / "config.yaml", folder / "config.yaml")
     starts = provenance.starts(model.parent)
     for start in starts:  # the folder of the run means nothing elsewhere

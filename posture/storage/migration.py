@@ -78,9 +78,10 @@ def _from_6(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _from_7(values: dict[str, Any]) -> dict[str, Any]:
-    """Ranges were drawn uniformly."""
+    """Ranges were drawn uniformly, and policies had the weights of the last iteration."""
     with contextlib.suppress(KeyError, TypeError, AttributeError):  # as above
         values["env"].setdefault("log_ranges", [])
+        values["agent"].setdefault("average_from", None)
     return values
 
 

@@ -22,7 +22,7 @@ def stock(tmp_path_factory):
     folder = tmp_path_factory.mktemp("stock")
     config = compose(*TINY)
     env = HeadTrackingEnv(config.env, 1, "cpu")
-    agent = config.agent.model_dump(mode="json", exclude_none=True, exclude={"std_floor"})
+    agent = config.agent.model_dump(mode="json", exclude_none=True, exclude={"std_floor", "average_from"})
     OnPolicyRunner(env, agent, log_dir=str(folder), device="cpu").learn(2)
     return folder / "model_1.pt"
 
