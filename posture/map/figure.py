@@ -46,7 +46,7 @@ def draw(found: Trials, seeds: dict[int, list[Result]], switches: Sequence[Trans
         ):
             fig.colorbar(mesh, ax=list(ax), label=label, extend="max" if mesh is ratio else "neither")
             ax[0].set(ylabel="frequency [Hz]")
-        fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+        fig.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
         fig.savefig(path)
 
 
@@ -70,11 +70,13 @@ def _cells(
 
 
 def _transitions(ax: Axes, rows: Sequence[Transition]) -> None:
-    """Theory's transitions as lines, those of each seed as points."""
+    """Theory's transitions as lines, those of the policies as a point for each seed, with a band between the seeds."""
     values = sorted({row.value for row in rows})
-    first = {row.value: row for row in rows}
-    ax.plot(values, [first[value].least_hz for value in values], ls=":", label="switch of the least cost", **_THEORY)
-    ax.plot(values, [first[value].reward_hz for value in values], label="switch of the reward's optimum", **_THEORY)
+    of = [[row for row in rows if row.value == value] for value in values]
+    ax.plot(values, [own[0].least_hz for own in of], ls=":", label="switch of the least cost", **_THEORY)
+    ax.plot(values, [own[0].reward_hz for own in of], label="switch of the reward's optimum", **_THEORY)
+    lowest, highest = ([extreme([row.policy_hz for row in own]) for own in of] for extreme in (np.min, np.max))
+    ax.fill_between(values, lowest, highest, color="black", alpha=0.2, lw=0, label="policies, between the seeds")
     ax.plot(
         [row.value for row in rows], [row.policy_hz for row in rows], "o", ms=4, mfc="white", color="black", label="policy"
     )
