@@ -223,6 +223,8 @@ class EnvConfig(Strict):
                 # An integer may be larger than any float.
                 if len(value) != 2 or not all(type(bound) in (int, float) and abs(bound) < 1e9 for bound in value):
                     raise ValueError(f"{key} = {list(value)}: allowed is a number, or a range [low, high]")
+                if ranges.get(name) is not None:
+                    raise ValueError(f"{key} and ranges.{name}: both have a range; give one of them")
                 ranges[name], part[name] = tuple(value), sum(value) / 2
         return parts[""] | {"ranges": ranges} | ({"reward": parts["reward"]} if isinstance(reward, dict) else {})
 
@@ -273,6 +275,9 @@ class EnvConfig(Strict):
         if self.reward.tolerance_weight == 0:
             keys = (f"{prefix}reward.tolerance", f"{prefix}ranges.tolerance")
             unused |= dict.fromkeys(keys, f"with {prefix}reward.tolerance_weight=0")
+        if self.reward.effort_exponent == 0:
+            keys = (f"{prefix}reward.effort_reference", f"{prefix}reward.effort_scale_max")
+            unused |= dict.fromkeys(keys, f"with {prefix}reward.effort_exponent=0")
         return unused
 
     def without_ranges(self) -> "EnvConfig":
@@ -303,7 +308,7 @@ class EnvConfig(Strict):
         return max(self.freq) if isinstance(self.freq, tuple) else self.freq
 
 
-def check_once(names: Sequence[str], key: str) -> None:
+def check_once(names: Sequence[object], key: str) -> None:
     """Raise ValueError if one of the `names` of `key` appears twice."""
     for name in names:
         if names.count(name) > 1:

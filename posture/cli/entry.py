@@ -15,7 +15,7 @@ from typing import Any, NoReturn, TypeVar
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
-from hydra.errors import HydraException
+from hydra.errors import HydraException, OverrideParseException
 from hydra.types import RunMode
 from omegaconf import DictConfig
 from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
@@ -208,5 +208,8 @@ def _start(command: jobs.Command, job: Callable[[DictConfig], Any]) -> None:
 
 
 def _refuse(error: Exception) -> NoReturn:
-    print(f"error: {one_line(error)}", file=sys.stderr)
+    line = one_line(error)
+    if isinstance(error, OverrideParseException):
+        line = f"{error.override}: {line}; in a shell, values with braces, brackets or spaces need quotes"
+    print(f"error: {line}", file=sys.stderr)
     sys.exit(2)

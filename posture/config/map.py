@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from envs.config import Amplitude, AnkleStiffness, Freq, HipStiffness, Load, Strict
+from envs.config import Amplitude, AnkleStiffness, Freq, HipStiffness, Load, Strict, check_once
 from posture.config.checks import CommandConfig, PathText
 from posture.config.eval import EvaluationConfig
 
@@ -64,6 +64,13 @@ class MapConfig(CommandConfig):
     def _consistent(self) -> "MapConfig":
         if not self.search[0] < self.search[1]:
             raise ValueError(f"search: a range goes from low to high, got {list(self.search)}")
+        for name, values in self.varied:
+            check_once(values, f"varied.{name}")
+        if any(amplitude <= self.evaluation.tolerance for amplitude in self.varied.amplitude):
+            raise ValueError(
+                f"varied.amplitude: {min(self.varied.amplitude):g} m leaves the head no motion to make; allowed is more "
+                f"than the evaluation.tolerance of {self.evaluation.tolerance:g} m"
+            )
         count = sum(len(values) for _, values in self.varied) * len(self.freq.values) + self.random
         if not 0 < count <= MAX_TRIALS:
             raise ValueError(f"varied, freq and random make {count:,} trials; allowed are 1 to {MAX_TRIALS:,}")

@@ -14,6 +14,7 @@ Config = TypeVar("Config", bound=BaseModel)
 _SHAPES = {
     "float": "a number",
     "int": "a whole number",
+    "_valid_path": "a path",
     "tuple": "a range [low, high]",
     "Schedule": "a schedule {start: .., end: .., until: ..}",
     "Ramp": "a ramp {start: .., rate: .., duration: ..} in quotes",
@@ -44,13 +45,20 @@ def _first_problem(errors: list[ErrorDetails]) -> str:
     if error["type"] == "extra_forbidden":
         return f"{key}: no such key"
     if error["type"] == "missing":
-        return f"{key}: missing"
+        return f"{'.'.join(key.split('.')[:-1])}: too few values" if isinstance(error["loc"][-1], int) else f"{key}: missing"
+    if error["type"] in ("too_short", "too_long"):
+        end, word = ("min", "least") if error["type"] == "too_short" else ("max", "most")
+        return f"{key} = {error['input']!s:.100}: the number of values must be at {word} {error['ctx'][f'{end}_length']}"
+    if error["type"] == "tuple_type" and len(errors) == 1:
+        return f"{key} = {error['input']!s:.100}: allowed is a list [..]"
     alternatives = [other for other in errors if _key(other).startswith(key)]
     ranges = [other for other in alternatives if other["type"].startswith(("greater", "less", "finite"))]
     if (len(alternatives) > 1 or error["type"] == "model_type") and not ranges:
         names = " ".join(str(part) for other in alternatives for part in other["loc"] if _is_shape(part))
         names += f" {error.get('ctx', {}).get('class_name', '')}"
         shapes = [text for word, text in _SHAPES.items() if re.search(rf"\b{word}\b", names)]
+        if _SHAPES["_valid_path"] in shapes:
+            shapes = ["a path", "a list of paths"]
         return f"{key} = {error['input']!s:.100}: allowed is {', or '.join(shapes) or 'a group of keys {..: .., ..: ..}'}"
     error = ranges[0] if ranges else error
     return f"{_key(error)} = {error['input']!r:.100}: {error['msg'].replace('Input should', 'must', 1)}"

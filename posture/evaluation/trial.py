@@ -160,7 +160,9 @@ def evaluate_policy(
         temporary.write_text(markdown_table(rows, columns) + "\n", encoding="utf-8")
     foot = env.sim.geometry.heel_x, env.sim.geometry.toe_x
     drawn = figures.draw_all(trajectory, rows, published, out, foot) if evaluation.figures else []
-    yaml_files.write_yaml(out / "trial.yaml", record | _conditions(evaluation, env.config) | _digests(out))
+    yaml_files.write_yaml(
+        out / "trial.yaml", record | _conditions(evaluation, env.config) | provenance.digests(out, RESULTS)
+    )
 
     print(text_table(rows, columns))
     for path in (*(out / name for name in FILES), *drawn):
@@ -199,16 +201,11 @@ def is_current(
     found = yaml_files.read_yaml(out / "trial.yaml")
     expected = policy_record(model, run) | _conditions(evaluation, trial_config(run.env, evaluation, changes, device))
     try:
-        expected |= _digests(out)
+        expected |= provenance.digests(out, RESULTS)
     except OSError:
         return False
     # The path of the policy may have been another one.
     return isinstance(found, dict) and found | {"policy": str(model)} == expected
-
-
-def _digests(out: Path) -> dict[str, Any]:
-    """SHA-256 of the results in `out`, which detect damage."""
-    return {"sha256": {name: hashlib.sha256((out / name).read_bytes()).hexdigest() for name in RESULTS}}
 
 
 def policy_record(model: Path, run: TrainConfig) -> dict[str, Any]:

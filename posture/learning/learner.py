@@ -18,6 +18,7 @@ from posture.config.agent import AgentConfig
 from posture.config.errors import ConfigError
 from posture.learning import parallel
 from posture.learning.logger import TrainingLogger
+from posture.learning.networks import as_policy
 from posture.storage import checkpoint
 
 
@@ -150,8 +151,8 @@ class Learner(OnPolicyRunner):
         return content.get("infos")
 
     def start_from(self, file: Path) -> None:
-        """Take networks and normalisers from a checkpoint of another training, not its optimiser and counters."""
-        content = checkpoint.load(file, self.device)
+        """Take the policy, value function and normalisers of another training, not its optimiser and counters."""
+        content = as_policy(checkpoint.load(file, self.device))
         with _must_fit(file):
             self.alg.load(content, {"actor": True, "critic": True}, strict=True)
         distribution = self.alg.actor.distribution

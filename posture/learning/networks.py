@@ -29,9 +29,12 @@ def network(run: TrainConfig, name: Literal["actor", "critic"]) -> MLPModel:
 def load_policy(content: dict[str, Any], run: TrainConfig, model: Path, device: str | torch.device) -> MLPModel:
     """The deterministic policy in the `content` of checkpoint `model`, with averaged weights where it has them
     (`agent.average_from`). Raises ConfigError if it does not fit `run`."""
-    if "average_state_dict" in content:
-        content = content | {"actor_state_dict": content["average_state_dict"]}
-    return load_network(content, run, "actor", model).to(device).eval()
+    return load_network(as_policy(content), run, "actor", model).to(device).eval()
+
+
+def as_policy(content: dict[str, Any]) -> dict[str, Any]:
+    """The `content` of a checkpoint with the policy's weights as the actor's: the averages, where it has them."""
+    return content | {"actor_state_dict": content["average_state_dict"]} if "average_state_dict" in content else content
 
 
 def load_network(content: dict[str, Any], run: TrainConfig, name: Literal["actor", "critic"], model: Path) -> MLPModel:

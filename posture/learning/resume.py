@@ -11,16 +11,19 @@ from rsl_rl.utils import resolve_optimizer
 
 from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
-from posture.learning.networks import load_network
+from posture.learning.networks import as_policy, load_network
 from posture.storage import checkpoint, provenance, run_dir
 
 
 def iterations_done(run: Path) -> int:
     """Number of iterations after which `run` can continue. Raises ConfigError if its files are not those of a training."""
     config, state = run_dir.read_config(run), run / "resume.pt"
-    done = _check_state(checkpoint.load(state, "cpu"), config, state)
+    done, averaged = _check_state(checkpoint.load(state, "cpu"), config, state)
     model = run / f"model_{done}.pt"
-    _check_model(checkpoint.load(model, "cpu"), config, model)
+    content = checkpoint.load(model, "cpu")
+    _check_model(content, config, model)
+    if averaged != ("average_state_dict" in content):
+        raise ConfigError(f"{model}: not of the same iteration as {state}, of which one alone has averaged weights")
     provenance.starts(run)
     return done
 
@@ -32,8 +35,9 @@ def training_seconds(run: Path) -> float:
         return float(checkpoint.load(state, "cpu")["processes"][0]["logger"]["tot_time"])
 
 
-def _check_state(content: dict[str, Any], run: TrainConfig, file: Path) -> int:
-    """Number of iterations done, from the `content` of a resume.pt. Raises ConfigError if that does not fit `run`."""
+def _check_state(content: dict[str, Any], run: TrainConfig, file: Path) -> tuple[int, bool]:
+    """Number of iterations done, and whether weights were averaged, from the `content` of a resume.pt. Raises ConfigError if
+    that does not fit `run`."""
     with _must_be_whole(f"{file}: not the state of this run"):
         done, processes = content["iteration"], content["processes"]
         if type(done) is not int or done < 1:
@@ -48,12 +52,16 @@ def _check_state(content: dict[str, Any], run: TrainConfig, file: Path) -> int:
             if process["rng"].shape != torch.get_rng_state().shape:
                 raise ValueError("rng is not the state of a random number generator")
             float(process["logger"]["tot_time"])
-    return int(done)
+        averaged = content.get("averaged", 0)  # missing in those of older code
+        if type(averaged) is not int or averaged < 0:
+            raise ValueError(f"averaged = {averaged!r:.50}, allowed is a whole number")
+    return int(done), averaged > 0
 
 
 def _check_model(content: dict[str, Any], run: TrainConfig, model: Path) -> None:
     """Raise ConfigError unless networks and optimiser in the `content` of checkpoint `model` fit `run`."""
     networks = [load_network(content, run, name, model) for name in ("actor", "critic")]
+    load_network(as_policy(content), run, "actor", model)
     weights = list(chain.from_iterable(net.parameters() for net in networks))
     optimiser = resolve_optimizer(run.agent.algorithm.optimizer)(weights, lr=run.agent.algorithm.learning_rate)
     with _must_be_whole(f"{model}: training cannot continue from it"):

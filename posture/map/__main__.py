@@ -11,7 +11,7 @@ from pathlib import Path
 from posture.cli import entry
 from posture.config.errors import ConfigError
 from posture.config.map import MapConfig
-from posture.storage import run_dir, yaml_files
+from posture.storage import checkpoint, provenance, run_dir, yaml_files
 
 FILES = ("map.csv", "transitions.csv", "agreement.csv", "map.png", "map.yaml")
 """What a map consists of, the record of its policies and conditions last."""
@@ -23,7 +23,8 @@ def make_map(config: MapConfig, folder: Path) -> None:
     # Imported here because they are slow.
     from posture.analysis.results import Result, as_row, write_rows
     from posture.evaluation.many_bodies import evaluate_many, least_costs_of, with_least_cost
-    from posture.evaluation.trial import policy_record
+    from posture.evaluation.trial import AS_TRAINED, policy_record, trial_config
+    from posture.learning.networks import load_policy
     from posture.map.figure import draw
     from posture.map.summary import agreement, transitions
     from posture.map.trials import trials
@@ -32,12 +33,15 @@ def make_map(config: MapConfig, folder: Path) -> None:
     runs = [run_dir.read_config(model.parent) for model in models]
     if any(run.env != runs[0].env for run in runs) or len({run.seed for run in runs}) < len(runs):
         raise ConfigError(f"ckpt: {config.ckpt} holds different trainings; allowed are one, or one of several seeds")
+    for model, run in zip(models, runs, strict=True):  # before minutes of work
+        trial_config(run.env, config.evaluation, AS_TRAINED, config.device)
+        load_policy(checkpoint.load(model, "cpu"), run, model, "cpu")
     record = {
         "policies": [policy_record(model, run) for model, run in zip(models, runs, strict=True)],
         "map": config.model_dump(mode="json", exclude={"ckpt", "out", "again", "device"}),
     }
     run_dir.writable(folder, *FILES)
-    if not config.again and yaml_files.read_yaml(folder / "map.yaml") == record:
+    if not config.again and yaml_files.read_yaml(folder / "map.yaml") == record | _digests(folder):
         print(f"made before: {folder}")
         return
     (folder / "map.yaml").unlink(missing_ok=True)  # it marks the folder as complete
@@ -60,9 +64,16 @@ def make_map(config: MapConfig, folder: Path) -> None:
     if switches:
         write_rows([asdict(row) for row in switches], folder / "transitions.csv")
         draw(found, seeds, switches, folder / "map.png")
-    yaml_files.write_yaml(folder / "map.yaml", record)
+    else:
+        for name in ("transitions.csv", "map.png"):  # of an earlier map
+            (folder / name).unlink(missing_ok=True)
+    yaml_files.write_yaml(folder / "map.yaml", record | _digests(folder))
     print(_text(agreed), *([] if not switches else ["", _text(switches)]), sep="\n")
     print(*(folder / name for name in FILES if (folder / name).exists()), sep="\n")
+
+
+def _digests(folder: Path) -> dict[str, dict[str, str]]:
+    return provenance.digests(folder, [name for name in FILES[:-1] if (folder / name).exists()])
 
 
 def _models(config: MapConfig) -> list[Path]:

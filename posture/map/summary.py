@@ -1,5 +1,6 @@
 """What a map says: the transition against each parameter, and how near a policy is to the theory."""
 
+import contextlib
 import math
 import os
 from collections.abc import Callable, Sequence
@@ -17,9 +18,10 @@ from posture.config.map import MapConfig
 from posture.map.trials import RANDOM, Trials
 from posture.theory.least_costs import weighted
 from posture.theory.motion import PeriodicMotion
+from posture.theory.program import InfeasibleError
 from posture.theory.reward_optimum import reward_optimum
 from posture.theory.stander import linearise
-from posture.theory.transition import bound_transition, transition_frequency
+from posture.theory.transition import bound_transition, hip_ankle_correlation, transition_frequency
 
 NEAR_HZ = 0.03
 """From its transition on, in either direction, a cell has no mode that the theory would insist on [Hz]."""
@@ -30,6 +32,7 @@ class Transition:
     """The frequencies at which the modes switch at one `value` of the parameter `varied`; nan where they do not [Hz].
 
     least: of the motion of least cost. reward: of the optimum of the reward that was trained. policy: of seed `seed`.
+    reward_mode: "in-phase" or "anti-phase" where the reward's optimum does not switch, else "".
     """
 
     varied: str
@@ -38,6 +41,7 @@ class Transition:
     policy_hz: float
     least_hz: float
     reward_hz: float
+    reward_mode: str = ""
 
 
 @dataclass(frozen=True)
@@ -70,11 +74,11 @@ def transitions(config: MapConfig, env: EnvConfig, found: Trials, seeds: dict[in
     values = [(name, value) for name, values in config.varied for value in values]
     with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
         theory = list(pool.map(_Theory(body, env, config), values))
-    for (name, value), (least, reward) in zip(values, theory, strict=True):
+    for (name, value), (least, reward, mode) in zip(values, theory, strict=True):
         for seed, results in seeds.items():
             own = [result for result, row in cells(found, results, name) if row == value]
             policy = sign_change_frequency([one.freq_hz for one in own], [one.hip_ankle_r for one in own])
-            rows.append(Transition(name, value, seed, _or_nan(policy), _or_nan(least), _or_nan(reward)))
+            rows.append(Transition(name, value, seed, _or_nan(policy), _or_nan(least), _or_nan(reward), mode))
     return rows
 
 
@@ -100,11 +104,11 @@ def agreement(found: Trials, seed: int, results: Sequence[Result], switches: Seq
         exact_mean, exact_high, _, exact_below = _spread([one.cost / one.least.exact_cost for one in standing])
         same = math.nan
         if name != RANDOM:
-            reward = {row.value: row.reward_hz for row in switches if row.varied == name}
+            of = {row.value: row for row in switches if row.varied == name}
             signs = [
-                one.valid and (one.hip_ankle_r > 0) == (one.freq_hz < reward[value])
+                one.valid and ("in-phase" if one.hip_ankle_r > 0 else "anti-phase") == mode
                 for one, value in cells(found, results, name)
-                if math.isfinite(one.least.cost) and not abs(one.freq_hz - reward[value]) < NEAR_HZ
+                if math.isfinite(one.least.cost) and (mode := _reward_mode(of[value], one.freq_hz))
             ]
             same = float(np.mean(signs)) if signs else math.nan
         rows.append(
@@ -126,6 +130,15 @@ def agreement(found: Trials, seed: int, results: Sequence[Result], switches: Seq
     return rows
 
 
+def _reward_mode(switch: Transition, freq: float) -> str:
+    """The mode of the reward's optimum at `freq` [Hz]; "" near its transition, or where it is not known."""
+    if math.isnan(switch.reward_hz):
+        return switch.reward_mode
+    if abs(freq - switch.reward_hz) < NEAR_HZ:
+        return ""
+    return "in-phase" if freq < switch.reward_hz else "anti-phase"
+
+
 def _spread(ratios: Sequence[float]) -> tuple[float, float, float, float]:
     """Mean, 95th percentile, maximum, and share of at most 1.2, of those that are finite; nan without any."""
     finite = np.array([ratio for ratio in ratios if math.isfinite(ratio)])
@@ -140,7 +153,7 @@ class _Theory:
     def __init__(self, body: Segments, env: EnvConfig, config: MapConfig) -> None:
         self._body, self._env, self._search, self._tolerance = body, env, config.search, config.evaluation.tolerance
 
-    def __call__(self, varied: tuple[str, float]) -> tuple[float | None, float | None]:
+    def __call__(self, varied: tuple[str, float]) -> tuple[float | None, float | None, str]:
         env = self._env.model_copy(update=dict([varied]))
         stander = linearise(self._body, env)
         least = bound_transition(stander, env.amplitude, self._tolerance, self._search)
@@ -149,9 +162,15 @@ class _Theory:
             return reward_optimum(stander, freq, weighted(env, self._body, freq), self._tolerance)
 
         try:
-            return least, transition_frequency(best, self._search)
+            reward = transition_frequency(best, self._search)
         except ValueError:  # a reward without effort
-            return least, None
+            return least, None, ""
+        if reward is not None:
+            return least, reward, ""
+        for freq in np.linspace(*self._search, 20):  # one mode at all frequencies at which a motion is possible
+            with contextlib.suppress(InfeasibleError):
+                return least, None, "in-phase" if hip_ankle_correlation(best(float(freq))) > 0 else "anti-phase"
+        return least, None, ""
 
 
 def _or_nan(value: float | None) -> float:

@@ -29,7 +29,7 @@ from posture.learning.resume import training_seconds
 from posture.reproduce.claims.verdict import Transitions
 from posture.reproduce.experiments import EVALUATIONS
 from posture.reproduce.reproduction import Body, ManyBodies, Reproduction, Traces, Training
-from posture.storage import run_dir, yaml_files
+from posture.storage import provenance, run_dir, yaml_files
 from posture.theory.motion import motion_indices
 from posture.theory.program import InfeasibleError
 from posture.theory.reward_optimum import reward_optimum
@@ -170,7 +170,8 @@ def _many_bodies(folder: Path, policies: Sequence[Job], left_out: list[str]) -> 
         return None
     try:
         record = yaml_files.read_yaml(folder / "map.yaml")
-        made_of = [policy | {"policy": ""} for policy in record["policies"]]
+        whole = provenance.digests(folder, list(record["sha256"]))["sha256"] == record["sha256"]
+        made_of = [policy | {"policy": ""} for policy in record["policies"]] if whole else []
         tables = [_rows(folder / f"{name}.csv") for name in ("agreement", "transitions")]
     except (OSError, KeyError, TypeError, ConfigError):
         made_of, tables = [], []

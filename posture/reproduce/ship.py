@@ -12,6 +12,7 @@ from pathlib import Path
 from posture.cli.jobs import Job
 from posture.cli.sweep import fraction_done
 from posture.config.train import TrainConfig
+from posture.learning.networks import as_policy
 from posture.storage import checkpoint, provenance, run_dir, yaml_files
 from posture.storage.run_dir import PRETRAINED
 
@@ -34,7 +35,7 @@ def ship_policy(model: Path, folder: Path) -> Path:
     content = checkpoint.load(model, "cpu")
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    policy = content.get("average_state_dict", content["actor_state_dict"])
+    policy = as_policy(content)["actor_state_dict"]
     checkpoint.save({"actor_state_dict": policy, "iter": content["iter"]}, folder / model.name)
     shutil.copyfile(model.parent / "config.yaml", folder / "config.yaml")
     starts = provenance.starts(model.parent)

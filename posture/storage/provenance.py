@@ -96,6 +96,11 @@ def analysis_code() -> str:
     return _digest(source_files(ANALYSIS))
 
 
+def digests(folder: Path, names: Sequence[str]) -> dict[str, dict[str, str]]:
+    """SHA-256 of files in `folder`, which detect damage, as the entry of a record. Raises OSError if one is missing."""
+    return {"sha256": {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in names}}
+
+
 def source_files(packages: Sequence[str]) -> list[Path]:
     """Source files and body models of `packages`, without those that only show results."""
     found = [path for package in packages for path in (ROOT / package).rglob("*") if path.suffix in (".py", ".xml")]

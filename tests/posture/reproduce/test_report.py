@@ -88,7 +88,7 @@ def write_evaluation(out: Path, job: Job, evaluation: EvalConfig | None, results
     write_csv([replace(result, origin=NO_ORIGIN) for result in results], out / "metrics.csv")
     trace.save(out / "trajectories.npz")
     env = trial.trial_config(run.env, how, changes, run.device)
-    record = trial.policy_record(model_of(job), run) | trial._conditions(how, env) | trial._digests(out)
+    record = trial.policy_record(model_of(job), run) | trial._conditions(how, env) | provenance.digests(out, trial.RESULTS)
     yaml_files.write_yaml(out / "trial.yaml", record)
 
 
@@ -143,7 +143,8 @@ def write_map(folder: Path, policies: Sequence[Job]) -> None:
     write_rows(transitions, folder / "transitions.csv")
     Image.new("RGB", (8, 8)).save(folder / "map.png")
     record = [trial.policy_record(model_of(job), job.config) for job in policies]
-    yaml_files.write_yaml(folder / "map.yaml", {"policies": record})
+    digests = provenance.digests(folder, ["agreement.csv", "transitions.csv", "map.png"])
+    yaml_files.write_yaml(folder / "map.yaml", {"policies": record} | digests)
 
 
 @pytest.fixture(scope="module")
