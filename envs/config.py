@@ -224,7 +224,7 @@ class EnvConfig(Strict):
                 if len(value) != 2 or not all(type(bound) in (int, float) and abs(bound) < 1e9 for bound in value):
                     raise ValueError(f"{key} = {list(value)}: allowed is a number, or a range [low, high]")
                 if ranges.get(name) is not None:
-                    raise ValueError(f"{key} and ranges.{name}: both have a range; give one of them")
+                    raise ValueError(f"ranges.{name}: {key} has a range, too; give one of them")
                 ranges[name], part[name] = tuple(value), sum(value) / 2
         return parts[""] | {"ranges": ranges} | ({"reward": parts["reward"]} if isinstance(reward, dict) else {})
 

@@ -210,6 +210,6 @@ def _start(command: jobs.Command, job: Callable[[DictConfig], Any]) -> None:
 def _refuse(error: Exception) -> NoReturn:
     line = one_line(error)
     if isinstance(error, OverrideParseException):
-        line = f"{error.override}: {line}; in a shell, values with braces, brackets or spaces need quotes"
+        line = f"{str(error.override)!r:.200}: {line}; in a shell, values with braces, brackets or spaces need quotes"
     print(f"error: {line}", file=sys.stderr)
     sys.exit(2)

@@ -17,10 +17,10 @@ from posture.config.published import CONF, Published
 from posture.config.reading import read
 from tests.commands import ENTRIES, answer
 
-COMMANDS = ["train", "eval", "theory", "reproduce", "export"]
+COMMANDS = ["train", "eval", "map", "theory", "reproduce", "export"]
 """`play` and `film` have tests of their own."""
-TEXTS = {"device", "resume", "init", "ckpt", "out", "overrides", "actor", "critic", "observations"}
-"""Keys whose text is checked by functions: paths, devices, names of observations, further command lines."""
+TEXTS = {"device", "resume", "init", "ckpt", "out", "overrides", "actor", "critic", "observations", "log_ranges"}
+"""Keys whose text is checked by functions: paths, devices, names of observations and ranges, further command lines."""
 
 
 def composed(command):
@@ -114,12 +114,12 @@ REFUSED = [  # beside the ranges, which every key has (test above)
     ("train", "env.ankle_k=inf", "env.ankle_k"),
     ("train", "env.friction=[0,1e400]", "env.friction = [0, inf]: allowed is a number, or a range [low, high]"),
     ("train", f"env.friction=[0,{10**400}]", "env.friction"),
-    ("train", "env.hip_k=[25,200] env.ranges.hip_k=[50,60]", "env.hip_k and ranges.hip_k: both have a range"),
+    ("train", "env.hip_k=[25,200] env.ranges.hip_k=[50,60]", "env.ranges.hip_k: hip_k has a range, too"),
     ("train", "env.load_at=[0.1]", "env.load_at: too few values"),
     ("train", "env.load_at=[0.1,0.2,0.3]", "env.load_at = [0.1, 0.2, 0.3]: the number of values must be at most 2"),
     ("train", "env.log_ranges=hip_k", "env.log_ranges = hip_k: allowed is a list [..]"),
     ("train", "agent.average_from=1", "agent.average_from = 1: must be less than 1"),
-    ("map", "ckpt=[]", "ckpt = []: "),
+    ("map", "ckpt=[]", "ckpt = []: allowed is a path, or a list of paths"),
     ("map", "ckpt=null", "ckpt = None: allowed is a path, or a list of paths"),
     ("map", "varied.hip_k=[100,100]", "varied.hip_k: 100.0 appears 2 times"),
     ("map", "varied.amplitude=[0.01]", "varied.amplitude: 0.01 m leaves the head no motion to make"),
