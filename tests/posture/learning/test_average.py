@@ -4,9 +4,11 @@ import pytest
 import torch
 
 from envs.task.head_tracking import HeadTrackingEnv
+from posture.config.errors import ConfigError
 from posture.learning.learner import Learner
 from posture.learning.networks import load_policy
-from posture.storage import checkpoint
+from posture.learning.resume import iterations_done
+from posture.storage import checkpoint, provenance
 from tests.commands import TINY
 from tests.conftest import compose
 
@@ -42,6 +44,32 @@ def test_the_policy_has_the_mean_weights_of_the_last_iterations(learn, tmp_path)
     policies = [load_policy(saved(tmp_path / "whole", i), config, tmp_path, "cpu").mlp[0].weight for i in (2, 3, 4)]
     for policy, expected in zip(policies, (weights[1], weights[2], (weights[2] + weights[3]) / 2), strict=True):
         torch.testing.assert_close(policy, expected, rtol=1e-6, atol=1e-8)
+
+
+def test_a_training_can_begin_with_the_averages(learn, tmp_path):
+    config, learn = learn
+    learn("whole", 4)
+    env = HeadTrackingEnv(config.env, config.seed, "cpu")
+    learner = Learner(env, config.agent, tmp_path, "cpu")
+    learner.start_from(tmp_path / "whole" / "model_4.pt")
+    found = learner.alg.actor.state_dict()
+    assert all(torch.equal(value, found[name]) for name, value in saved(tmp_path / "whole", 4)["average_state_dict"].items())
+
+
+@pytest.mark.parametrize("damage", ["not finite", "missing"])
+def test_damaged_averages_are_not_resumed(learn, tmp_path, damage):
+    config, learn = learn
+    learn("whole", 4)
+    provenance.write_config(tmp_path / "whole", config)
+    assert iterations_done(tmp_path / "whole") == 4
+    content = saved(tmp_path / "whole", 4)
+    if damage == "missing":
+        del content["average_state_dict"]
+    else:
+        content["average_state_dict"]["mlp.0.weight"][0, 0] = torch.nan
+    checkpoint.save(content, tmp_path / "whole" / "model_4.pt")
+    with pytest.raises(ConfigError, match=r"mlp.0.weight holds weights that are not finite|has averaged weights"):
+        iterations_done(tmp_path / "whole")
 
 
 def test_a_resumed_training_has_the_same_averages(learn, tmp_path):
