@@ -37,10 +37,12 @@ def ship_policy(model: Path, folder: Path) -> Path:
     folder.mkdir(parents=True)
     policy = as_policy(content)["actor_state_dict"]
     checkpoint.save({"actor_state_dict": policy, "iter": content["iter"]}, folder / model.name)
-    shutil.copyfile(model.parent / "config.yaml", folder / "config.yaml")
+    # The folder of the run means nothing elsewhere.
+    yaml_files.write_yaml(folder / "config.yaml", yaml_files.read_yaml(model.parent / "config.yaml") | {"resume": None})
     starts = provenance.starts(model.parent)
-    for start in starts:  # the folder of the run means nothing elsewhere
-        start["command"] = [part for part in start["command"] if not part.startswith("hydra.run.dir=")]
+    for start in starts:
+        kept = [part for part in start["command"] if not part.startswith(("hydra.run.dir=", "out="))]
+        start["command"] = [re.sub("^resume=.*/", "resume=", part) for part in kept]
     yaml_files.write_yaml(folder / "provenance.yaml", starts)
     return folder
 
