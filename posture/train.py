@@ -191,12 +191,12 @@ def _differences(source: TrainConfig, own: TrainConfig, name: str) -> str:
 
 def _check_weights(config: TrainConfig) -> None:
     """Raise ConfigError unless the networks of the policy that `config.init` names fit, before physics is built."""
-    from posture.learning.networks import as_policy, load_network
+    from posture.learning.networks import load_network
     from posture.storage import checkpoint
 
     assert config.init is not None
     model = run_dir.find_checkpoint(config.init, "init")
-    content = as_policy(checkpoint.load(model, "cpu"))
+    content = checkpoint.as_policy(checkpoint.load(model, "cpu"))
     load_network(content, config, "actor", model)
     load_network(content, config, "critic", model)
 

@@ -18,7 +18,6 @@ from posture.config.agent import AgentConfig
 from posture.config.errors import ConfigError
 from posture.learning import parallel
 from posture.learning.logger import TrainingLogger
-from posture.learning.networks import as_policy
 from posture.storage import checkpoint
 
 
@@ -152,7 +151,7 @@ class Learner(OnPolicyRunner):
 
     def start_from(self, file: Path) -> None:
         """Take the policy, value function and normalisers of another training, not its optimiser and counters."""
-        content = as_policy(checkpoint.load(file, self.device))
+        content = checkpoint.as_policy(checkpoint.load(file, self.device))
         with _must_fit(file):
             self.alg.load(content, {"actor": True, "critic": True}, strict=True)
         distribution = self.alg.actor.distribution

@@ -14,6 +14,7 @@ from envs.body.joints import KINDS
 from envs.task.observations import components
 from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
+from posture.storage import checkpoint
 
 
 def network(run: TrainConfig, name: Literal["actor", "critic"]) -> MLPModel:
@@ -29,12 +30,7 @@ def network(run: TrainConfig, name: Literal["actor", "critic"]) -> MLPModel:
 def load_policy(content: dict[str, Any], run: TrainConfig, model: Path, device: str | torch.device) -> MLPModel:
     """The deterministic policy in the `content` of checkpoint `model`, with averaged weights where it has them
     (`agent.average_from`). Raises ConfigError if it does not fit `run`."""
-    return load_network(as_policy(content), run, "actor", model).to(device).eval()
-
-
-def as_policy(content: dict[str, Any]) -> dict[str, Any]:
-    """The `content` of a checkpoint with the policy's weights as the actor's: the averages, where it has them."""
-    return content | {"actor_state_dict": content["average_state_dict"]} if "average_state_dict" in content else content
+    return load_network(checkpoint.as_policy(content), run, "actor", model).to(device).eval()
 
 
 def load_network(content: dict[str, Any], run: TrainConfig, name: Literal["actor", "critic"], model: Path) -> MLPModel:

@@ -11,7 +11,7 @@ from rsl_rl.utils import resolve_optimizer
 
 from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
-from posture.learning.networks import as_policy, load_network
+from posture.learning.networks import load_network
 from posture.storage import checkpoint, provenance, run_dir
 
 
@@ -61,7 +61,7 @@ def _check_state(content: dict[str, Any], run: TrainConfig, file: Path) -> tuple
 def _check_model(content: dict[str, Any], run: TrainConfig, model: Path) -> None:
     """Raise ConfigError unless networks and optimiser in the `content` of checkpoint `model` fit `run`."""
     networks = [load_network(content, run, name, model) for name in ("actor", "critic")]
-    load_network(as_policy(content), run, "actor", model)
+    load_network(checkpoint.as_policy(content), run, "actor", model)
     weights = list(chain.from_iterable(net.parameters() for net in networks))
     optimiser = resolve_optimizer(run.agent.algorithm.optimizer)(weights, lr=run.agent.algorithm.learning_rate)
     with _must_be_whole(f"{model}: training cannot continue from it"):

@@ -12,7 +12,6 @@ from pathlib import Path
 from posture.cli.jobs import Job
 from posture.cli.sweep import fraction_done
 from posture.config.train import TrainConfig
-from posture.learning.networks import as_policy
 from posture.storage import checkpoint, provenance, run_dir, yaml_files
 from posture.storage.run_dir import PRETRAINED
 
@@ -35,7 +34,7 @@ def ship_policy(model: Path, folder: Path) -> Path:
     content = checkpoint.load(model, "cpu")
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    policy = as_policy(content)["actor_state_dict"]
+    policy = checkpoint.as_policy(content)["actor_state_dict"]
     checkpoint.save({"actor_state_dict": policy, "iter": content["iter"]}, folder / model.name)
     # The folder of the run means nothing elsewhere.
     yaml_files.write_yaml(folder / "config.yaml", yaml_files.read_yaml(model.parent / "config.yaml") | {"resume": None})

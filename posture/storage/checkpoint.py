@@ -45,6 +45,11 @@ def load(path: Path, device: str) -> dict[str, Any]:
     return _tensors(whole, path, device)
 
 
+def as_policy(content: dict[str, Any]) -> dict[str, Any]:
+    """The `content` of a checkpoint with the policy's weights as the actor's: the averages, where it has them."""
+    return content | {"actor_state_dict": content["average_state_dict"]} if "average_state_dict" in content else content
+
+
 def load_unsealed(path: Path) -> dict[str, Any]:
     """Read a checkpoint that another program saved with torch, without a digest; it cannot execute code. Raises ConfigError
     unless it holds only tensors and plain values."""

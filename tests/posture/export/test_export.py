@@ -362,7 +362,7 @@ def test_missing_packages(monkeypatch, capsys, tmp_path):
         (["ckpt=''"], "must not be empty"),
         (["out=/proc/export"], "cannot write to the folder /proc/export"),
         (["out=/proc/export", "what=[policy]"], "cannot write to the folder /proc/export"),
-        (["what=[]"], "at least 1 item"),
+        (["what=[]"], "must be at least 1"),
         (["what=[video]"], "'trajectories' or 'policy'"),
         (["evaluation.freq=[0.5,0.9,0.5]"], "0.5 Hz is listed twice"),
         (["evaluation.freq=[0]"], "greater than or equal to 0.001"),

@@ -122,7 +122,7 @@ def test_the_command_from_a_training_on(tmp_path, monkeypatch, capsys):
     assert len(table(Path("map/transitions.csv"))) == 2 and Path("map/map.png").stat().st_size > 10_000
     again = ["map", f"ckpt=[{runs()[0]}]", varied, "random=4", "out=map", "again=false", *SMALL]
     call(monkeypatch, *again)
-    assert capsys.readouterr().out.endswith("made before: map\n")
+    assert capsys.readouterr().out.endswith(f"made before: {Path('map').resolve()}\n")
     Path("map/map.csv").unlink()
     Path("map/agreement.csv").write_text("")
     call(monkeypatch, *again)
