@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
-from envs.task.observations import TERMS
+from envs.task.observations import TERMS, Component
 
 MIN_FREQ_HZ, MAX_FREQ_HZ = 0.001, 10.0
 """Frequencies of the target [Hz]: a period is 1000 s at most."""
@@ -141,6 +141,54 @@ class SolverConfig(Strict):
     contact_bias: bool
 
 
+StandardDeviation = Annotated[float, Field(ge=0, le=1e6)]
+
+
+class Noise(Strict):
+    """Noise of an observation term: standard deviations of its white and its drifting part, in the unit of each value; one
+    number for all values of the term, or one for each."""
+
+    white: StandardDeviation | tuple[StandardDeviation, ...]
+    drift: StandardDeviation | tuple[StandardDeviation, ...]
+
+    def of_values(self, part: Literal["white", "drift"], size: int) -> list[float]:
+        """The standard deviation of each of the term's `size` values."""
+        given: float | tuple[float, ...] = getattr(self, part)
+        return list(given) if isinstance(given, tuple) else [given] * size
+
+
+class SensingConfig(Strict):
+    """What reaches the policy of its observations; units in conf/env/head_tracking.yaml."""
+
+    delay: Annotated[float, Field(ge=0, le=2)]
+    noise: dict[str, Noise]
+    drift_time: Annotated[float, Field(gt=0, le=100_000)]
+    history: Annotated[int, Field(ge=0, le=100)]
+    history_step: Annotated[int, Field(ge=1, le=100)]
+    exact: tuple[str, ...]
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether the policy observes the true values, at once, and nothing of the past."""
+        return self.delay == 0 and not self.noise and not self.history
+
+    def delay_steps(self, control_dt: float) -> int:
+        """The delay in control steps of `control_dt` [s], rounded."""
+        return round(self.delay / control_dt)
+
+
+class ActuationConfig(Strict):
+    """From command to torque; units in conf/env/head_tracking.yaml."""
+
+    time_constant: Annotated[float, Field(ge=0, le=10)]
+    noise: Annotated[float, Field(ge=0, le=1)]
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether the torque is the command."""
+        return self.time_constant == 0 and self.noise == 0
+
+
 class Ranges(Strict):
     """What a training draws for each episode of each world, [low, high]; None: always the value of the key itself."""
 
@@ -204,6 +252,8 @@ class EnvConfig(Strict):
         Field(min_length=1),
     ]
 
+    sensing: SensingConfig
+    actuation: ActuationConfig
     reward: RewardConfig
     termination: TerminationConfig
     solver: SolverConfig
@@ -246,6 +296,7 @@ class EnvConfig(Strict):
                     f"observations.{group}: unknown {', '.join(unknown)}; allowed are {', '.join(sorted(TERMS))}"
                 )
             check_once(terms, f"observations.{group}")
+        self._check_sensing()
         check_once(self.log_ranges, "log_ranges")
         for name in self.log_ranges:
             if name not in self.ranges.given:
@@ -265,6 +316,39 @@ class EnvConfig(Strict):
                 )
         return self
 
+    def _check_sensing(self) -> None:
+        """Raise ValueError where `sensing` names what is not observed."""
+        sensing = self.sensing
+        check_once(sensing.exact, "sensing.exact")
+        for group in sensing.exact:
+            if group not in self.observations:
+                raise ValueError(
+                    f"sensing.exact: {group} is no group of observations; allowed are {', '.join(self.observations)}"
+                )
+        sensed = {term for group, terms in self.observations.items() if group not in sensing.exact for term in terms}
+        for name, noise in sensing.noise.items():
+            if name not in TERMS:
+                raise ValueError(f"sensing.noise: unknown {name}; allowed are {', '.join(sorted(sensed)) or 'none'}")
+            size = len(TERMS[name].components)
+            for part, given in noise:
+                if isinstance(given, tuple) and len(given) != size:
+                    units = ", ".join(f"{value} [{unit}]" for value, unit in TERMS[name].components)
+                    raise ValueError(f"sensing.noise.{name}.{part}: {len(given)} numbers for {size} values: {units}")
+
+    @property
+    def observed(self) -> dict[str, list[Component]]:
+        """Name and unit of each value of each group of observations, those of earlier moments included."""
+        result = {}
+        for group, terms in self.observations.items():
+            newest = [component for term in terms for component in TERMS[term].components]
+            moments = 0 if group in self.sensing.exact else self.sensing.history
+            result[group] = newest + [
+                (f"{name}_{moment * self.sensing.history_step}_steps_before", unit)
+                for moment in range(1, moments + 1)
+                for name, unit in newest
+            ]
+        return result
+
     def without_effect(self, prefix: str = "") -> dict[str, str]:
         """Keys that have no effect, and why; each key begins with `prefix`."""
         unused: dict[str, str] = {}
@@ -275,6 +359,12 @@ class EnvConfig(Strict):
         if self.reward.tolerance_weight == 0:
             keys = (f"{prefix}reward.tolerance", f"{prefix}ranges.tolerance")
             unused |= dict.fromkeys(keys, f"with {prefix}reward.tolerance_weight=0")
+        if not self.sensing.history:
+            unused[f"{prefix}sensing.history_step"] = f"with {prefix}sensing.history=0"
+        if not any(noise.drift for noise in self.sensing.noise.values()):
+            unused[f"{prefix}sensing.drift_time"] = f"without a drift in {prefix}sensing.noise"
+        if self.sensing.is_exact:
+            unused[f"{prefix}sensing.exact"] = f"where {prefix}sensing has neither delay nor noise nor history"
         if self.reward.effort_exponent == 0:
             keys = (f"{prefix}reward.effort_reference", f"{prefix}reward.effort_scale_max")
             unused |= dict.fromkeys(keys, f"with {prefix}reward.effort_exponent=0")

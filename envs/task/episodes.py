@@ -30,7 +30,8 @@ class Episodes:
     phase_offset: (N,) float64, added to the target's phase until the end of the episode [rad].
     amplitude: (N,) float64 of the target [m]. tolerance: (N,) of the head around it, `env.reward.tolerance` [m].
     effort_scale: (N,) see `envs.task.bodies.effort_scale`.
-    action: (N, 4) of the last step. track: (N, PAST * PAST_STEPS + 1) target positions of the present and the last control
+    action: (N, 4) torque of the last step over its limit. command, activation: (N, 4) of the same step, see
+    `envs.task.actuation`; where actuation is ideal, command is action itself. track: (N, PAST * PAST_STEPS + 1) target positions of the present and the last control
     steps, the newest first [m].
     target_x, target_vx, target_ax, target_freq, head_x, head_vx, foot_displacement: see `TaskState`.
     """
@@ -66,7 +67,9 @@ class Episodes:
         self.episode = torch.zeros_like(world)
         self.step, self.length = zeros(dtype=torch.long), zeros(dtype=torch.long)
         self.freq, self.phase_offset = zeros(dtype=torch.float64), zeros(dtype=torch.float64)
-        self.action, self.track = zeros(len(JOINTS)), zeros(PAST * PAST_STEPS + 1)
+        self.action, self.activation = zeros(len(JOINTS)), zeros(len(JOINTS))
+        self.command = self.action if config.actuation.is_ideal else zeros(len(JOINTS))
+        self.track = zeros(PAST * PAST_STEPS + 1)
         self.target_x, self.target_vx, self.target_ax, self.target_freq = (zeros() for _ in range(4))
         self.head_x, self.head_vx, self.foot_displacement = zeros(), zeros(), zeros(len(FEET))
         self._set_range()

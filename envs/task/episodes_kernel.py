@@ -53,6 +53,8 @@ class EpisodeArrays:
     freq: wp.array[wp.float64]
     phase_offset: wp.array[wp.float64]
     action: wp.array2d[float]
+    command: wp.array2d[float]
+    activation: wp.array2d[float]
     track: wp.array2d[float]
     target_x: wp.array[float]
     target_vx: wp.array[float]
@@ -132,6 +134,8 @@ def begin(mask: wp.array[wp.bool], arrays: EpisodeArrays) -> None:
     _draw_length(arrays, i)
     for joint in range(arrays.action.shape[1]):
         arrays.action[i, joint] = 0.0
+        arrays.command[i, joint] = 0.0
+        arrays.activation[i, joint] = 0.0
     for past in range(arrays.track.shape[1]):
         arrays.track[i, past] = 0.0
     _read(arrays, i)

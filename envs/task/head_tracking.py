@@ -15,11 +15,17 @@ from envs.engines.cuda_graph import CudaGraph
 from envs.engines.factory import simulate
 from envs.engines.interface import SUBJECT
 from envs.task import bodies, observations, rewards, terminations
+from envs.task.actuation import Actuation
 from envs.task.episodes import FOOT_BODIES, Episodes
 from envs.task.observations import PAST_STEPS, TaskState
+from envs.task.senses import Senses
 
 _SAVED = {"episode_length_buf": "step"} | {
-    name: name for name in ("episode", "action", "freq", "track", "phase_offset", "amplitude", "tolerance", "effort_scale")
+    name: name
+    for name in (
+        *("episode", "action", "command", "activation", "freq", "track", "phase_offset"),
+        *("amplitude", "tolerance", "effort_scale"),
+    )
 }
 """Tensors of `Episodes` that later steps depend on, by their names in a saved state."""
 
@@ -76,6 +82,9 @@ class HeadTrackingEnv(VecEnv):
         self.sim.apply_drawn(self._drawn)
         self.episode_length_buf = self.episodes.step
         self.state = self._task_state()
+        self._actuation = None if config.actuation.is_ideal else Actuation(config, self.episodes)
+        self._senses = None if config.sensing.is_exact else Senses(config, self.episodes)
+        self._observe()
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:
         """One control step of every world; worlds whose episode ends are reset and return the new episode's observation.
@@ -88,15 +97,18 @@ class HeadTrackingEnv(VecEnv):
             self.warm_up()
         # One command for the left and the right joint of a kind.
         command = actions.clamp(-1.0, 1.0)
-        torch.cat((command, command), dim=-1, out=self.state.action)
+        torch.cat((command, command), dim=-1, out=self.state.command)
         if self.sim.replays_graph:
             self._move()
         *groups, reward, done, time_out, log = self._rest_of_step() if self._graph is None else self._graph()
         return self._named(groups), reward, done, {"time_outs": time_out, "log": dict(zip(LOG, log.unbind(), strict=True))}
 
     def get_observations(self) -> TensorDict:
-        """The groups of `env.observations`, each (N, size) with its terms side by side; a group without terms is (N, 0)."""
-        return self._named(self._observe())
+        """The groups of `env.observations`, each (N, size) with its terms side by side; a group without terms is (N, 0).
+
+        Where `env.sensing` is not exact, they are as sensed after the last step or reset.
+        """
+        return self._named(self._exact() if self._senses is None else self._sensed(self._senses))
 
     def follow(self, freq: torch.Tensor) -> None:
         """From its next episode on, world i follows a target of the constant frequency `freq`[i] [Hz], (N,)."""
@@ -115,28 +127,35 @@ class HeadTrackingEnv(VecEnv):
     def reset_all(self) -> TensorDict:
         """Begin a new episode in every world."""
         self._reset(torch.ones(self.num_envs, dtype=torch.bool, device=self.sim.device))
-        return self.get_observations()
+        return self._named(self._observe())
 
     def state_dict(self) -> dict[str, Any]:
         """A copy of everything that later steps depend on: physics, episodes, last action and training progress."""
         own = {name: getattr(self.episodes, attribute).clone() for name, attribute in _SAVED.items()}
+        if self._senses is not None:
+            own |= {name: getattr(self._senses, name).clone() for name in ("drift", "past")}
         progress = {"steps": int(self.steps), "training_steps": self.training_steps}
         return {**progress, "simulation": self.sim.state_dict(), **own}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Restore the state of a `state_dict` exactly."""
         self.steps.fill_(state["steps"])
-        # Earlier versions saved neither the length of the training nor an offset of the phase, which was 0.
+        # Earlier versions saved less. The command was the action, and the offset of the phase 0.
         training_steps = state.get("training_steps", self.training_steps)
         if training_steps != self.training_steps:
             self.training_steps, self._graph = training_steps, None
         state = {name: getattr(self.episodes, name) for name in ("amplitude", "tolerance", "effort_scale")} | state
-        state = {"phase_offset": torch.zeros_like(self.episodes.freq)} | state
+        state = {"phase_offset": torch.zeros_like(self.episodes.freq), "command": state["action"]} | state
+        state = {"activation": torch.zeros_like(self.episodes.activation)} | state
         self.sim.load_state_dict(state["simulation"])
         for name, attribute in _SAVED.items():
             getattr(self.episodes, attribute).copy_(state[name])
         self.sim.apply_drawn(self._drawn)
         self.episodes.restore()
+        if self._senses is not None:
+            self._senses.drift.copy_(state["drift"])
+            self._senses.past.copy_(state["past"])
+            self._senses.restore()
 
     def _task_state(self) -> TaskState:
         """Views of the tensors of simulation and episodes."""
@@ -152,6 +171,7 @@ class HeadTrackingEnv(VecEnv):
             sole_force=sim.sole_force,
             sole_position=sim.sole_position,
             action=episodes.action,
+            command=episodes.command,
             head_x=episodes.head_x,
             head_vx=episodes.head_vx,
             target_x=episodes.target_x,
@@ -165,7 +185,7 @@ class HeadTrackingEnv(VecEnv):
         )
 
     def _rest_of_step(self) -> list[torch.Tensor]:
-        """A control step once `state.action` is the command. On a GPU it is captured: its Python code runs once.
+        """A control step once `state.command` is set. On a GPU it is captured: its Python code runs once.
 
         Returns the groups of observations, reward, done and time-outs, (N,), and the values of `LOG`.
         """
@@ -186,13 +206,27 @@ class HeadTrackingEnv(VecEnv):
         return [*self._observe(), reward, done, time_out, torch.stack(log)]
 
     def _move(self) -> None:
-        """A control step of the physics."""
+        """A control step of actuators and physics."""
+        if self._actuation is not None:
+            self._actuation.actuate()
         self.sim.step(self.config.torque_limit * self.state.action)
         # A world with a NaN command has diverged: its torque was not applied.
         self.state.action.nan_to_num_(nan=0.0)
         self.steps += 1
 
-    def _observe(self) -> list[torch.Tensor]:
+    def _observe(self, mask: torch.Tensor | None = None) -> list[torch.Tensor]:
+        """The groups of observations after a step, or after a reset of the worlds of `mask` (N,) bool."""
+        exact = self._exact()
+        if self._senses is None:
+            return exact
+        torch.cat(exact, dim=-1, out=self._senses.exact)
+        self._senses.sense(mask)
+        return self._sensed(self._senses)
+
+    def _sensed(self, senses: Senses) -> list[torch.Tensor]:
+        return list(senses.sensed.clone().split(list(senses.sizes.values()), dim=-1))
+
+    def _exact(self) -> list[torch.Tensor]:
         nothing = self.state.action[:, :0]
         return [
             torch.cat([nothing, *(observations.TERMS[term].function(self.state) for term in terms)], dim=-1)

@@ -7,7 +7,7 @@ statistics.
 Configuration is checked against these names before torch is imported, hence the imports within functions.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -31,7 +31,8 @@ class TaskState:
     joint_angle, joint_velocity: (N, 4) [rad], [rad/s].
     joint_force: (N, 4) torque about each joint axis by actuator, spring and damper [Nm].
     sole_force, sole_position: (N, 2, 2, 3), see `Simulation`.
-    action: (N, 4) actuator torque of each joint over the torque limit.
+    action: (N, 4) actuator torque of each joint over the torque limit. command: (N, 4) what was commanded; the same tensor
+        where actuation is ideal.
     head_x, head_vx: (N,) head along x, 0 at the start [m], [m/s].
     target_x, target_vx, target_ax: (N,) [m], [m/s], [m/s2]. target_freq: (N,) its momentary frequency [Hz].
     hip_k, ankle_k [Nm/rad per joint], load [kg], joint_damping [Nm s/rad per joint], friction [-], amplitude of the target
@@ -49,6 +50,7 @@ class TaskState:
     sole_force: "torch.Tensor"
     sole_position: "torch.Tensor"
     action: "torch.Tensor"
+    command: "torch.Tensor"
     head_x: "torch.Tensor"
     head_vx: "torch.Tensor"
     target_x: "torch.Tensor"
@@ -72,24 +74,20 @@ Function = Callable[[TaskState], "torch.Tensor"]
 
 @dataclass(frozen=True)
 class Term:
-    """A term: `function` returns (N, len(components))."""
+    """A term: `function` returns (N, len(components)). is_own: known without sensing, as an own command is."""
 
     function: Function
     components: tuple[Component, ...]
+    is_own: bool = False
 
 
 TERMS: dict[str, Term] = {}
 """Every term under the name of its function."""
 
 
-def components(terms: Iterable[str]) -> list[Component]:
-    """Name and unit of each value of an observation that joins `terms`, in order."""
-    return [component for term in terms for component in TERMS[term].components]
-
-
-def _term(*components: Component) -> Callable[[Function], Function]:
+def _term(*components: Component, is_own: bool = False) -> Callable[[Function], Function]:
     def register(function: Function) -> Function:
-        TERMS[function.__name__] = Term(function, components)
+        TERMS[function.__name__] = Term(function, components, is_own)
         return function
 
     return register
@@ -207,16 +205,16 @@ def head(state: TaskState) -> "torch.Tensor":
     return torch.stack((state.head_x, state.head_vx), dim=-1)
 
 
-@_term(*((f"{joint}_last_action", "1") for joint in JOINTS))
+@_term(*((f"{joint}_last_action", "1") for joint in JOINTS), is_own=True)
 def last_action(state: TaskState) -> "torch.Tensor":
-    """Actuator torque of each joint in the last step over the torque limit."""
-    return state.action
+    """Torque that was commanded of each joint in the last step over the torque limit."""
+    return state.command
 
 
-@_term(*((f"{kind}_last_action", "1") for kind in KINDS))
+@_term(*((f"{kind}_last_action", "1") for kind in KINDS), is_own=True)
 def last_command(state: TaskState) -> "torch.Tensor":
-    """Actuator torque of one hip and of one ankle in the last step over the torque limit."""
-    return state.action[:, LEFT]
+    """Torque that was commanded of one hip and of one ankle in the last step over the torque limit."""
+    return state.command[:, LEFT]
 
 
 @_term(("target_x", "m"))
@@ -257,6 +255,7 @@ def target_history(state: TaskState) -> "torch.Tensor":
     ("friction", "1"),
     ("amplitude", "m"),
     ("tolerance", "m"),
+    is_own=True,
 )
 def body(state: TaskState) -> "torch.Tensor":
     """What `env.ranges` may vary: properties of the body, amplitude of the target and tolerance around it."""

@@ -67,6 +67,13 @@ def uniform(seed: wp.uint64, world: wp.uint64, episode: wp.uint64) -> wp.float64
 
 
 @wp.func
+def generator(seed: wp.int64, world: wp.int64, episode: wp.int64, step: wp.int64) -> wp.uint32:
+    """State of Warp's random numbers that depends only on (seed, world, episode, step)."""
+    x = _mix(_mix(_mix(_mix(wp.uint64(seed)) + wp.uint64(world)) + wp.uint64(episode)) + wp.uint64(step))
+    return wp.uint32(x >> wp.uint64(32))
+
+
+@wp.func
 def _mix(x: wp.uint64) -> wp.uint64:
     x = x + wp.uint64(0x9E3779B97F4A7C15)
     x = (x ^ (x >> wp.uint64(30))) * wp.uint64(0xBF58476D1CE4E5B9)

@@ -16,7 +16,6 @@ import torch
 from rsl_rl.models import MLPModel
 
 from envs.body.joints import KINDS
-from envs.task.observations import components
 from posture.config.errors import ConfigError, RunError
 from posture.config.train import TrainConfig
 from posture.storage.atomic import replacing
@@ -49,8 +48,7 @@ def check_installed() -> None:
 
 def observed(run: TrainConfig) -> list[tuple[str, str]]:
     """Name and unit of each value that the policy of `run` observes, in order."""
-    terms = [term for group in run.agent.obs_groups.actor for term in run.env.observations[group]]
-    return components(terms)
+    return [component for group in run.agent.obs_groups.actor for component in run.env.observed[group]]
 
 
 def write_onnx(policy: MLPModel, run: TrainConfig, model: Path, path: Path) -> float:

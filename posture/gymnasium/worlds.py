@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from envs.body.joints import ANKLES, HIPS, KINDS
 from envs.task.head_tracking import HeadTrackingEnv
-from envs.task.observations import components
 from posture.config.gymnasium import GymnasiumConfig
 from posture.gymnasium.picture import Frame, Picture
 from posture.theory.least_costs import least_costs
@@ -27,8 +26,8 @@ class Worlds(HeadTrackingEnv):
 
     def __init__(self, config: GymnasiumConfig) -> None:
         super().__init__(config.env, 0, "cpu", training_steps=config.training_steps, least_costs=least_costs)
-        terms = [term for group in config.env.observations.values() for term in group]
-        self.observation_space = spaces.Box(-np.inf, np.inf, (len(components(terms)),), np.float32)
+        size = sum(map(len, config.env.observed.values()))
+        self.observation_space = spaces.Box(-np.inf, np.inf, (size,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (len(KINDS),), np.float32)
         self._picture: Picture | None = None
 
@@ -38,7 +37,9 @@ class Worlds(HeadTrackingEnv):
 
     def begin(self, mask: Mask | None = None) -> None:
         """Begin an episode in the worlds of `mask` (N,), None: in all."""
-        super()._reset(torch.ones(self.num_envs, dtype=torch.bool) if mask is None else torch.from_numpy(mask))
+        begun = torch.ones(self.num_envs, dtype=torch.bool) if mask is None else torch.from_numpy(mask)
+        super()._reset(begun)
+        self._observe(begun)
 
     def advance(self, actions: Any) -> tuple[NDArray[np.float64], Mask, Mask]:
         """One control step: reward (N,), terminated (N,) and truncated (N,), that is, timed out. `actions` (N, 2)."""

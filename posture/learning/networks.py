@@ -11,7 +11,6 @@ from rsl_rl.models import MLPModel, RNNModel
 from tensordict import TensorDict
 
 from envs.body.joints import KINDS
-from envs.task.observations import components
 from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
 from posture.storage import checkpoint
@@ -19,7 +18,7 @@ from posture.storage import checkpoint
 
 def network(run: TrainConfig, name: Literal["actor", "critic"]) -> MLPModel:
     """The actor or the critic that `run` trains, with initial weights."""
-    sizes = {group: len(components(terms)) for group, terms in run.env.observations.items()}
+    sizes = {group: len(values) for group, values in run.env.observed.items()}
     observations = TensorDict({group: torch.zeros(1, size) for group, size in sizes.items()}, batch_size=[1])
     groups = {name: list(getattr(run.agent.obs_groups, name))}
     config = getattr(run.agent, name).model_dump(mode="json", exclude_none=True)

@@ -11,7 +11,7 @@ from typing import Any
 from envs.config import RANGE_KEYS
 from posture.config.errors import ConfigError
 
-VERSION = 8
+VERSION = 9
 
 
 def upgrade(values: dict[str, Any], file: Path) -> dict[str, Any]:
@@ -85,6 +85,15 @@ def _from_7(values: dict[str, Any]) -> dict[str, Any]:
     return values
 
 
+def _from_8(values: dict[str, Any]) -> dict[str, Any]:
+    """Policies observed the true values at once, and torque was the command."""
+    with contextlib.suppress(KeyError, TypeError, AttributeError):  # as above
+        sensing = {"delay": 0.0, "noise": {}, "drift_time": 10.0, "history": 0, "history_step": 2, "exact": []}
+        values["env"].setdefault("sensing", sensing)
+        values["env"].setdefault("actuation", {"time_constant": 0.0, "noise": 0.0})
+    return values
+
+
 UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     1: _from_1,
     2: _from_2,
@@ -93,5 +102,6 @@ UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     5: _from_5,
     6: _from_6,
     7: _from_7,
+    8: _from_8,
 }
 """By version, the function that gives the version after it."""

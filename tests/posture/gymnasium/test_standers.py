@@ -14,7 +14,7 @@ from gymnasium.utils.env_match import check_environments_match
 from hydra.core.global_hydra import GlobalHydra
 
 from envs.task.head_tracking import HeadTrackingEnv
-from envs.task.observations import components
+from envs.task.observations import TERMS
 from posture.config.published import CONF
 from posture.gymnasium import ID
 from posture.gymnasium.configuration import configure
