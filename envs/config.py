@@ -167,6 +167,11 @@ class SensingConfig(Strict):
     history_step: Annotated[int, Field(ge=1, le=100)]
     exact: tuple[str, ...]
 
+    @field_validator("noise", mode="before")
+    @classmethod
+    def _none_is_empty(cls, value: Any) -> Any:
+        return {} if value is None else value
+
     @property
     def is_exact(self) -> bool:
         """Whether the policy observes the true values, at once, and nothing of the past."""

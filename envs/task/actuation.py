@@ -52,4 +52,3 @@ class Actuation:
     def actuate(self) -> None:
         """Before a control step of the physics: `activation` and `action` of the episodes from their `command`."""
         self._actuate()
-

@@ -224,7 +224,7 @@ class HeadTrackingEnv(VecEnv):
         return self._sensed(self._senses)
 
     def _sensed(self, senses: Senses) -> list[torch.Tensor]:
-        return list(senses.sensed.clone().split(list(senses.sizes.values()), dim=-1))
+        return list(torch.split(senses.sensed.clone(), list(senses.sizes.values()), dim=-1))
 
     def _exact(self) -> list[torch.Tensor]:
         nothing = self.state.action[:, :0]

@@ -15,10 +15,10 @@ from envs.task.senses_kernel import SenseArrays
 
 
 class Senses:
-    """The senses of N worlds. `exact`: (N, S) true values of all terms of all groups, in order, to be written before `sense`.
+    """The senses of N worlds. exact: (N, S) true values of all terms of all groups, in order, to be written before `sense`.
 
-    sensed: (N, V) what the policy observes, group by group; sizes: number of its values in each group. drift: (N, S) [unit of
-    the value]. past: (N, L, S) readings of the last L control steps, that of step s at s mod L.
+    sensed: (N, V) what the policy observes, group by group; sizes: number of its values in each group. drift: (N, S), in the
+    units of `exact`. past: (N, L, S) readings of the last L control steps, that of step s at s mod L.
     """
 
     def __init__(self, config: EnvConfig, episodes: Episodes) -> None:
@@ -60,7 +60,7 @@ class Senses:
         self._read = Launch(senses_kernel.read, n, [], [arrays], device)
 
     def sense(self, mask: torch.Tensor | None) -> None:
-        """After a control step, or a reset of the worlds of `mask` (N,) bool: readings of `exact`, and `sensed` from them."""
+        """After a control step, or a reset of the worlds of `mask` (N,) bool: read `exact`, and make `sensed` from it."""
         if mask is None:
             self._mask.fill_(True)
         else:

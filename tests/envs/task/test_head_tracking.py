@@ -8,7 +8,7 @@ import torch
 
 from envs.task import terminations
 from envs.task.head_tracking import HeadTrackingEnv
-from envs.task.observations import TERMS, components
+from envs.task.observations import TERMS
 
 
 @pytest.fixture(params=["sagittal", "mujoco", "mujoco_c"], autouse=True)
@@ -200,7 +200,7 @@ def test_a_group_without_terms_is_empty(env_config):
 def test_the_authors_observation_has_47_values(env_config):
     env = environment(env_config, "env=authors_code", "env.num_envs=4")
     assert sum(group.shape[1] for group in env.get_observations().values()) == 47
-    assert len(components(env.config.observations["policy"])) == 47
+    assert len(env.config.observed["policy"]) == 47
 
 
 def test_foot_wrench_by_hand(env_config):

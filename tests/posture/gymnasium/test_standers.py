@@ -14,7 +14,6 @@ from gymnasium.utils.env_match import check_environments_match
 from hydra.core.global_hydra import GlobalHydra
 
 from envs.task.head_tracking import HeadTrackingEnv
-from envs.task.observations import TERMS
 from posture.config.published import CONF
 from posture.gymnasium import ID
 from posture.gymnasium.configuration import configure
@@ -142,7 +141,8 @@ def test_reward_of_a_training():
 def test_size_and_names_of_the_observation():
     env = gymnasium.make(ID, observations={"policy": ["head", "target"], "target_motion": []})
     assert env.observation_space.shape == (3,)
-    assert len(components(["head", "target"])) == 3
+    past = gymnasium.make(ID, observations={"policy": ["head", "target"], "target_motion": []}, sensing={"history": 2})
+    assert past.observation_space.shape == (9,)
 
 
 # -- seeds -------------------------------------------------------------------------------------------------------------
