@@ -27,6 +27,8 @@ class Simulation(Protocol):
             last substep; zero after a reset, before the first step.
         sole_position: (N, 2, 2, 3) where it acts, in the foot frame [m]; without meaning where there is no force.
         hip_k, ankle_k [Nm/rad per joint], load [kg], joint_damping [Nm s/rad per joint], friction [-]: (N,).
+        push: (N,) horizontal force on the centre of mass of the HAT without its load [N], forward positive; to be written,
+            and constant until it is.
         diverged: (N,) bool, worlds whose last step did not lead to finite values below `top_speed`; they need a reset. The
             tensors above then still hold the values before that step, so they are finite.
     geometry: `envs.body.model.Geometry` of the stander.
@@ -50,6 +52,7 @@ class Simulation(Protocol):
     load: torch.Tensor
     joint_damping: torch.Tensor
     friction: torch.Tensor
+    push: torch.Tensor
     diverged: torch.Tensor
 
     def step(self, torque: torch.Tensor) -> None:

@@ -74,6 +74,7 @@ class MujocoCSimulation(Simulation):
             for world, (model, data) in enumerate(zip(self._models, self._data, strict=True)):
                 mujoco.mj_getState(model, data, before, _STATE)
                 data.qfrc_applied[self._dofs] = torques[world]
+                self._push(world)
                 for _ in range(self.config.solver.substeps):
                     mujoco.mj_step1(model, data)
                     if self._bias_share:
@@ -152,9 +153,17 @@ class MujocoCSimulation(Simulation):
         self.body_pose, self.body_velocity = torch.zeros(n, len(BODIES), 7), torch.zeros(n, len(BODIES), 6)
         self.sole_force, self.sole_position = torch.zeros(n, len(FEET), 2, 3), torch.zeros(n, len(FEET), 2, 3)
         self.hip_k, self.ankle_k, self.load, self.joint_damping, self.friction = (torch.zeros(n) for _ in SUBJECT)
+        self.push = torch.zeros(n)
         self.diverged, self._dropped = torch.zeros(n, dtype=torch.bool), torch.zeros(n, dtype=torch.bool)
         self._state = torch.zeros(n, self._state_size, dtype=torch.float64)
         self._spatial_velocity, self._lever = np.zeros((n, len(BODIES), 6)), np.zeros((n, len(BODIES), 3))
+
+    def _push(self, world: int) -> None:
+        """Apply `push` to the HAT. MuJoCo's force acts on its centre of mass with the load, so a torque goes with it."""
+        data, hat = self._data[world], self._bodies[_HAT]
+        force = np.array([float(self.push[world]), 0.0, 0.0])
+        point = data.xpos[hat] + data.xmat[hat].reshape(3, 3) @ self.geometry.hat_com
+        data.xfrc_applied[hat] = [*force, *np.cross(point - data.xipos[hat], force)]
 
     def _read_sensors(self, world: int) -> None:
         """Forces of the last substep; before `_write_outputs`, while positions are still those of its start."""

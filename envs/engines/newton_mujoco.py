@@ -76,6 +76,24 @@ def _shift_velocity(
 
 
 @wp.kernel
+def _push_body(
+    index: int,
+    bodies: int,
+    push: wp.array[float],
+    pose: wp.array[wp.transform],
+    com: wp.array[wp.vec3],
+    point: wp.vec3,
+    wrench: wp.array[wp.spatial_vector],
+) -> None:
+    """Wrench about the centre of mass of body `index` of each world by a force along x [N] at its point `point`."""
+    world = wp.tid()
+    body = world * bodies + index
+    force = wp.vec3(push[world], 0.0, 0.0)
+    lever = wp.transform_vector(pose[body], point - com[body])
+    wrench[body] = wp.spatial_vector(force, wp.cross(lever, force))
+
+
+@wp.kernel
 def _sort_sole_forces(
     num_contacts: wp.array[wp.int32],
     contact_world: wp.array[wp.int32],
@@ -194,6 +212,7 @@ class NewtonMujocoSimulation(Simulation):
             self._load_at = torch.tensor([config.load_at[0], 0.0, config.load_at[1]], device=self.device)
         # The model has them already, but for the load.
         subject = (torch.full((num_worlds,), getattr(config, name), device=self.device) for name in SUBJECT)
+        self.push = torch.zeros(num_worlds, device=self.device)
         self.hip_k, self.ankle_k, self.load, self.joint_damping, self.friction = subject
         if config.load:
             self._apply(["load"])
@@ -293,6 +312,19 @@ class NewtonMujocoSimulation(Simulation):
         dt = self.config.control_dt / self.config.solver.substeps
         # Some of MuJoCo Warp's functions launch on the default device, which need not be the model's.
         with wp.ScopedDevice(self.model.device):
+            wp.launch(
+                _push_body,
+                dim=self.num_worlds,
+                inputs=[
+                    _HAT,
+                    len(BODIES),
+                    wp.from_torch(self.push),
+                    self._state.body_q,
+                    self.model.body_com,
+                    wp.vec3(*self.geometry.hat_com),
+                ],
+                outputs=[self._state.body_f],
+            )
             for _ in range(self.config.solver.substeps):
                 self._solver.step(self._state, self._state, self._control, None, dt)
                 wp.launch(

@@ -78,6 +78,7 @@ class SagittalSimulation(Simulation):
         self._inv_weight = zeros(3)
         self._weights_of_loads: torch.Tensor | None = None
         self.hip_k, self.ankle_k, self.load, self.joint_damping, self.friction = (zeros() for _ in SUBJECT)
+        self.push = zeros()
         self.diverged = zeros(dtype=torch.bool)
         self.joint_angle, self.joint_velocity, self.joint_force = (zeros(len(JOINTS)) for _ in range(3))
         self.body_pose, self.body_velocity = zeros(len(BODIES), 7), zeros(len(BODIES), 6)
@@ -96,7 +97,7 @@ class SagittalSimulation(Simulation):
             top_speed(config),
             self._body,
             wp.from_torch(self._torque),
-            *(wp.from_torch(getattr(self, name)) for name in SUBJECT),
+            *(wp.from_torch(getattr(self, name)) for name in (*SUBJECT, "push")),
             wp.from_torch(self._inv_weight, dtype=wp.vec3),
         ]
         self._advance = Launch(advance, n, step, [worlds], device)

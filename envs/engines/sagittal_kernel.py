@@ -177,11 +177,13 @@ def advance(
     load: wp.array[float],
     joint_damping: wp.array[float],
     friction: wp.array[float],
+    push: wp.array[float],
     inv_weight: wp.array[wp.vec3],
     worlds: Worlds,
 ) -> None:
     """`substeps` steps of `dt` [s] for each world; torque (N, 4), each side's actuator torques [Nm].
 
+    push: (N,) [N], see `Simulation`.
     top_speed: at it [m/s], [rad/s] a world has diverged.
     inv_weight: MuJoCo's body_invweight0 of a foot [1/kg], dof_invweight0 of hip and ankle [1/(kg m2)].
     """
@@ -193,6 +195,7 @@ def advance(
     damping = 2.0 * joint_damping[world]
     armature = 2.0 * body.joint_armature
     mu = friction[world]
+    pushed = push[world]
     g = body.gravity
     at = worlds.q[world]
     speed = worlds.qd[world]
@@ -263,9 +266,9 @@ def advance(
         x13 = cross_y(b1, w3)
         x23 = cross_y(b2, w3)
         force = vec5(
-            w1[0] * t1 + w2[0] * t2 + w3[0] * t3,
+            w1[0] * t1 + w2[0] * t2 + w3[0] * t3 + pushed,
             w1[1] * t1 + w2[1] * t2 + w3[1] * t3 - total * g,
-            g * w1[0] + x12 * t2 + x13 * t3 - hip_moment,
+            g * w1[0] + x12 * t2 + x13 * t3 - hip_moment + pushed * (body.hat_com[1] * c1 - body.hat_com[0] * s1),
             g * w2[0] - x12 * t1 + x23 * t3 + hip_moment - ankle_moment,
             g * w3[0] - x13 * t1 - x23 * t2 + ankle_moment,
         )

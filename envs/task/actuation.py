@@ -1,4 +1,4 @@
-"""From command to torque (`env.actuation`): a first-order lag, as of a muscle's activation, and noise in proportion to it."""
+"""From command to torque (`env.actuation`): a first-order lag, as of a muscle's activation, and noise in proportion."""
 
 import math
 
@@ -24,7 +24,7 @@ def _actuate(
     activation: wp.array2d[float],
     action: wp.array2d[float],
 ) -> None:
-    """One control step of a world; the joints of a kind, left and right, have the same noise, as they have the same command."""
+    """One control step of a world. Left and right have the same noise, as they have the same command."""
     i = wp.tid()
     random = generator(seeds[1], world[i], episode[i], step[i])
     kinds = command.shape[1] // 2

@@ -31,8 +31,8 @@ class Episodes:
     amplitude: (N,) float64 of the target [m]. tolerance: (N,) of the head around it, `env.reward.tolerance` [m].
     effort_scale: (N,) see `envs.task.bodies.effort_scale`.
     action: (N, 4) torque of the last step over its limit. command, activation: (N, 4) of the same step, see
-    `envs.task.actuation`; where actuation is ideal, command is action itself. track: (N, PAST * PAST_STEPS + 1) target positions of the present and the last control
-    steps, the newest first [m].
+    `envs.task.actuation`; where actuation is ideal, command is action itself.
+    track: (N, PAST * PAST_STEPS + 1) target positions of the present and the last control steps, the newest first [m].
     target_x, target_vx, target_ax, target_freq, head_x, head_vx, foot_displacement: see `TaskState`.
     """
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from envs.body.model import build_model
 from envs.engines.factory import simulate
 from tests.envs.engines.test_sagittal import OUTPUTS, both_sides, seen
 
@@ -101,3 +102,38 @@ def test_a_saved_state_is_continued_exactly(make):
     ours, theirs = sim.state_dict(), other.state_dict()
     assert ours.keys() == theirs.keys()
     assert all(np.array_equal(ours[name][[0, 2]].numpy(), theirs[name][[0, 2]].numpy()) for name in ours)
+
+
+def momentum(sim):
+    """Momentum along x of the whole body [kg m/s], (N,): hat, and each leg and foot, by the masses of the Newton model."""
+    mass = torch.from_numpy(build_model(sim.config, 1, "cpu").body_mass.numpy()).double()
+    return sim.body_velocity[..., 0].double() @ mass
+
+
+def test_a_push_gives_the_body_its_momentum(make):
+    """Force times time, less what the ground takes; without friction to speak of it takes nothing."""
+    sim = make(3, friction=0.01)
+    sim.push[:] = torch.tensor([50.0, -50.0, 0.0])
+    for _ in range(4):
+        sim.step(torch.zeros(3, 4))
+    given = 50.0 * 4 * sim.config.control_dt
+    assert momentum(sim).tolist() == pytest.approx([given, -given, 0.0], abs=0.1 * given)
+    before = momentum(sim)
+    sim.push.zero_()
+    sim.step(torch.zeros(3, 4))
+    assert momentum(sim).tolist() == pytest.approx(before.tolist(), abs=0.05 * given)
+
+
+def test_engines_agree_on_pushes(config):
+    """The same pushes, of bodies with a load before the trunk, in all engines: within what separates them without pushes."""
+    changed = config.model_copy(update={"load": 3.0, "load_at": (0.1, -0.1)})
+    sims = [simulate(changed.model_copy(update={"physics": name}), 2, "cpu") for name in ("sagittal", "mujoco", "mujoco_c")]
+    for step in range(12):
+        for sim in sims:
+            sim.push[:] = torch.tensor([80.0, -40.0]) if step < 6 else 0.0
+            sim.step(both_sides([[-5.0, 2.0], [4.0, 1.0]]))
+    planar, newton, c = sims
+    assert planar.joint_velocity.abs().max() > 0.2
+    assert torch.allclose(newton.joint_velocity, c.joint_velocity, atol=1e-3)
+    assert torch.allclose(planar.joint_velocity, c.joint_velocity, atol=1e-3)
+    assert torch.allclose(planar.body_velocity, c.body_velocity, atol=1e-3)
