@@ -11,6 +11,7 @@ COMMANDS = {
     "import_checkpoint": "a run folder from a checkpoint of rsl-rl's own runner",
     "eval": "evaluate a policy: indices, tables, figures",
     "map": "one policy on many bodies, beside the theory of each",
+    "dynamics": "hysteresis, fluctuations and recovery of a policy, beside those of people",
     "theory": "the torque-optimal stander beside the paper's experiments",
     "reproduce": "train and evaluate every experiment of the paper, and report",
     "play": "a live page in the browser: sliders, a push, the postural mode",

@@ -20,12 +20,19 @@ CHECKED_STEPS = 100
 """Control steps between two checks for contacts that the solver had no room for; a GPU is waited for."""
 
 
-def rollout(env: HeadTrackingEnv, policy: Policy, freq: torch.Tensor | None, duration: float) -> Trajectory:
+def rollout(
+    env: HeadTrackingEnv,
+    policy: Policy,
+    freq: torch.Tensor | None,
+    duration: float,
+    before_step: Callable[[int], None] | None = None,
+) -> Trajectory:
     """Let `policy` act in every world of `env` from standing, for `duration` [s]; world i follows `freq`[i] [Hz] (N,).
 
-    `freq` None leaves the targets to the environment's own configuration. Whatever ends an episode in `env` counts as a
-    fall: from then on the record of that world is nan. Raises `ConstraintOverflowError` where a limit of the solver was
-    exceeded.
+    `freq` None leaves the targets to the environment's own configuration. `before_step`, called with the number of each
+    control step from 0 on, may change what happens to the stander, such as its target. Whatever ends an episode in `env`
+    counts as a fall: from then on the record of that world is nan. Raises `ConstraintOverflowError` where a limit of the
+    solver was exceeded.
     """
     steps = round(duration / env.config.control_dt)
     if freq is not None:
@@ -40,6 +47,8 @@ def rollout(env: HeadTrackingEnv, policy: Policy, freq: torch.Tensor | None, dur
     records: dict[str, list[torch.Tensor]] = {name: [] for name in _SIGNALS}
     with torch.inference_mode(), one_thread():
         for step in range(steps):
+            if before_step is not None:
+                before_step(step)
             observation, _, done, extras = env.step(policy(observation))
             fell = done & ~extras["time_outs"] & (fall_step < 0)
             fall_step = torch.where(fell, step, fall_step)

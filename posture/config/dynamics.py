@@ -1,0 +1,115 @@
+"""Configuration of `posture.dynamics`; values, units and sources in conf/dynamics.yaml."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from envs.config import Freq, Seconds, Strict, check_once
+from posture.config.checks import CommandConfig, PathText
+from posture.config.map import Frequencies
+
+Experiment = Literal["staircase", "ramp", "perturbation", "fluctuation"]
+Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
+
+
+class StaircaseConfig(Strict):
+    """Steps of the frequency, up and down again."""
+
+    cycles: Annotated[int, Field(ge=2, le=1000)]
+    skip: Annotated[int, Field(ge=0, le=1000)]
+    courses: dict[Name, Annotated[tuple[Freq, ...], Field(min_length=2, max_length=200)]]
+
+    @field_validator("courses")
+    @classmethod
+    def _rising(cls, courses: dict[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
+        for name, freq in courses.items():
+            if list(freq) != sorted(set(freq)):
+                raise ValueError(f"{name}: frequencies must rise, got {list(freq)}")
+        return courses
+
+    @model_validator(mode="after")
+    def _counts(self) -> "StaircaseConfig":
+        if self.skip >= self.cycles:
+            raise ValueError(f"skip: {self.skip} leaves nothing of {self.cycles} cycles")
+        return self
+
+
+class SlowRamp(Strict):
+    """A steady rise of the frequency, and a fall back."""
+
+    start: Freq
+    end: Freq
+    rate: Annotated[float, Field(gt=0, le=10)]
+    window: Annotated[float, Field(ge=1, le=100)]
+
+    @model_validator(mode="after")
+    def _rises(self) -> "SlowRamp":
+        if not self.start < self.end:
+            raise ValueError(f"a ramp rises from start to end, got {self.start:g} and {self.end:g}")
+        return self
+
+
+class PerturbationConfig(Strict):
+    """Pushes on the trunk."""
+
+    freq: Frequencies
+    force: Annotated[float, Field(ge=-1000, le=1000)]
+    time: Annotated[float, Field(gt=0, le=10)]
+    first: Seconds
+    every: Seconds
+    pushes: Annotated[int, Field(ge=1, le=1000)]
+
+    @property
+    def duration(self) -> float:
+        """Of the whole trial [s]."""
+        return self.first + self.pushes * self.every
+
+    @model_validator(mode="after")
+    def _recovers(self) -> "PerturbationConfig":
+        if self.force == 0:
+            raise ValueError("force: 0 N is no push")
+        if self.time >= self.every / 2:
+            raise ValueError(f"time: {self.time:g} s leaves no time to recover in {self.every:g} s")
+        return self
+
+
+class FluctuationConfig(Strict):
+    """Trials at constant frequencies."""
+
+    freq: Frequencies
+    duration: Seconds
+    transient: Annotated[float, Field(ge=0, le=100_000)]
+
+    @model_validator(mode="after")
+    def _has_cycles(self) -> "FluctuationConfig":
+        if (self.duration - self.transient) * self.freq.low < 3:
+            raise ValueError(
+                f"duration: {self.duration:g} s with a transient of {self.transient:g} s has fewer than 3 cycles at "
+                f"{self.freq.low:g} Hz"
+            )
+        return self
+
+
+class DynamicsConfig(CommandConfig):
+    """Configuration of `posture.dynamics`."""
+
+    ckpt: PathText | Annotated[tuple[PathText, ...], Field(min_length=1)]
+    device: str
+    what: Annotated[tuple[Experiment, ...], Field(min_length=1)]
+    repeats: Annotated[int, Field(ge=1, le=1000)]
+    still_joint_deg: Annotated[float, Field(gt=0, le=360)]
+    near: Annotated[float, Field(gt=0, le=1)]
+    staircase: StaircaseConfig
+    ramp: SlowRamp
+    perturbation: PerturbationConfig
+    fluctuation: FluctuationConfig
+
+    def without_effect(self) -> dict[str, str]:
+        """See `CommandConfig`."""
+        experiments = ("staircase", "ramp", "perturbation", "fluctuation")
+        return {name: f"without {name} in what" for name in experiments if name not in self.what}
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "DynamicsConfig":
+        check_once(self.what, "what")
+        return self

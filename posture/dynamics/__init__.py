@@ -1,0 +1,1 @@
+"""What is asked of people, asked of a policy: hysteresis, critical fluctuations, recovery from pushes."""

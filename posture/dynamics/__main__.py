@@ -1,0 +1,102 @@
+"""Hysteresis, fluctuations and recovery of a policy, or of several seeds, beside what is reported of people.
+
+python -m posture.dynamics ckpt=runs/<run>
+python -m posture.dynamics ckpt=runs/human what=[staircase,ramp] repeats=16
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from posture.cli import entry
+from posture.config.dynamics import DynamicsConfig
+from posture.config.errors import ConfigError
+from posture.storage import checkpoint, run_dir, yaml_files
+
+FILES = (
+    *("staircase.csv", "switches.csv", "fluctuation.csv", "relaxation.csv"),
+    *("findings.csv", "dynamics.png", "dynamics.yaml"),
+)
+
+
+def examine(config: DynamicsConfig, folder: Path) -> None:
+    """Run the trials of `config.what` with every policy; write tables and figure to `folder`, and print the findings."""
+    # Imported here because they are slow.
+    from posture.analysis.results import write_rows
+    from posture.dynamics import courses, measures, trials
+    from posture.dynamics.figure import draw
+    from posture.dynamics.findings import findings
+    from posture.evaluation.trial import policy_record
+    from posture.learning.networks import load_policy
+
+    models = _models(config)
+    runs = [run_dir.read_config(model.parent) for model in models]
+    if len({run.seed for run in runs}) < len(runs):
+        raise ConfigError(f"ckpt: {config.ckpt} holds several policies of one seed; allowed is one of each")
+    for model, run in zip(models, runs, strict=True):
+        load_policy(checkpoint.load(model, "cpu"), run, model, "cpu")
+    run_dir.writable(folder, *FILES)
+    for name in FILES:  # of an earlier start
+        (folder / name).unlink(missing_ok=True)
+    steps: list[measures.StepRow] = []
+    ramps: list[measures.SwitchRow] = []
+    fluctuation: list[measures.FluctuationRow] = []
+    relaxation: list[measures.RelaxationRow] = []
+    for model, run in zip(models, runs, strict=True):
+        print(f"== seed {run.seed}: {', '.join(config.what)}", flush=True)
+        dt = run.env.control_dt
+        if "staircase" in config.what:
+            for course, freq in config.staircase.courses.items():
+                stairs = courses.staircase(freq, config.staircase, dt)
+                trajectory = trials.following(model, run, courses.frequency_of(stairs), config)
+                steps += measures.steps_of(trajectory, stairs, course, run.seed, config)
+        if "ramp" in config.what:
+            ramp = courses.up_and_down(config.ramp, dt)
+            ramps += measures.switches_of_ramp(trials.following(model, run, ramp, config), ramp, run.seed, config)
+        if "fluctuation" in config.what:
+            fluctuation += measures.fluctuations_of(trials.constant(model, run, config), run.seed, config)
+        if "perturbation" in config.what:
+            relaxation += measures.relaxations_of(*trials.pushed_and_twin(model, run, config), run.seed, config)
+    switches = measures.switches_of_steps(steps) + ramps
+    found = findings(switches, fluctuation, relaxation, config.near)
+    tables: tuple[Sequence[Any], ...] = (steps, switches, fluctuation, relaxation, found)
+    for name, rows in zip(FILES, tables, strict=False):
+        if rows:
+            write_rows([asdict(row) for row in rows], folder / name)
+    if steps or fluctuation or relaxation:
+        draw(steps, fluctuation, relaxation, folder / "dynamics.png")
+    yaml_files.write_yaml(
+        folder / "dynamics.yaml",
+        {
+            "policies": [policy_record(model, run) for model, run in zip(models, runs, strict=True)],
+            "dynamics": config.model_dump(mode="json", exclude={"ckpt", "out", "device"}),
+        },
+    )
+    import tabulate
+
+    print(tabulate.tabulate([asdict(row) for row in found], "keys", floatfmt=".3g"))
+    print(*(folder / name for name in FILES if (folder / name).exists()), sep="\n")
+
+
+def _models(config: DynamicsConfig) -> list[Path]:
+    """The checkpoints that `ckpt` names."""
+    names = (config.ckpt,) if isinstance(config.ckpt, str) else config.ckpt
+    return [model for name in names for model in run_dir.find_checkpoints(name)]
+
+
+def check(configs: Sequence[DynamicsConfig], in_sweep: bool) -> None:
+    """Raise ConfigError if there is no policy for one of the jobs."""
+    for config in configs:
+        _models(config)
+
+
+def main() -> None:
+    """The command `python -m posture.dynamics`."""
+    entry.run("dynamics", DynamicsConfig, examine, check)
+
+
+if __name__ == "__main__":
+    main()
