@@ -13,6 +13,7 @@ from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 
 from posture.cli import entry
+from posture.config.dynamics import DynamicsConfig
 from posture.config.eval import EvalConfig
 from posture.config.export import ExportConfig
 from posture.config.film import FilmConfig
@@ -22,6 +23,8 @@ from posture.config.play import PlayConfig
 from posture.config.reproduce import ReproduceConfig
 from posture.config.theory import TheoryConfig
 from posture.config.train import TrainConfig
+from posture.dynamics.__main__ import check as check_dynamics
+from posture.dynamics.__main__ import examine
 from posture.eval import evaluate_all
 from posture.export.__main__ import check as check_export
 from posture.export.__main__ import export
@@ -62,6 +65,7 @@ ENTRIES = {
     "import_checkpoint": (ImportConfig, import_checkpoint),
     "eval": (EvalConfig, evaluate_all),
     "map": (MapConfig, make_map, check_map),
+    "dynamics": (DynamicsConfig, examine, check_dynamics),
     "theory": (TheoryConfig, theory),
     "reproduce": (ReproduceConfig, reproduce),
     "play": (PlayConfig, play, check_play),

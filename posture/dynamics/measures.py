@@ -28,7 +28,10 @@ from posture.dynamics.trials import push_starts
 
 @dataclass(frozen=True)
 class StepRow:
-    """One step of a staircase: correlation, and relative phase hip - ankle by cycle, circular mean and deviation [deg]."""
+    """One step of a staircase: correlation, and relative phase hip - ankle by cycle, circular mean and deviation [deg].
+
+    foot_displacement_m: of the feet from their start, at most [m]. Where they stand is the slowest state of the body.
+    """
 
     course: str
     seed: int
@@ -39,6 +42,7 @@ class StepRow:
     hip_ankle_r: float
     phase_mean_deg: float
     phase_sd_deg: float
+    foot_displacement_m: float
 
 
 @dataclass(frozen=True)
@@ -93,14 +97,15 @@ def steps_of(trajectory: Trajectory, steps: Sequence[Step], course: str, seed: i
         hip, ankle = trajectory.hip[:, world], trajectory.ankle[:, world]
         for step in steps:
             part = slice(step.first + round(config.staircase.skip / step.freq / dt), step.end)
-            row = StepRow(course, seed, world, step.rising, step.freq, 0 <= fall < step.end, math.nan, math.nan, math.nan)
+            row = StepRow(course, seed, world, step.rising, step.freq, 0 <= fall < step.end, *4 * (math.nan,))
             if not row.fell:
                 time = trajectory.time[part]
                 whole = cycles(time, step.freq, 0.0)
                 mean, sd = circular_mean_sd(cycle_phases(hip[part], ankle[part], time, step.freq, whole, still))
+                moved = float(trajectory.foot_displacement[part, world].max())
                 moving = min(np.ptp(hip[part]), np.ptp(ankle[part])) >= still
                 r = correlation(hip[part], ankle[part]) if moving else math.nan
-                row = replace(row, hip_ankle_r=r, phase_mean_deg=mean, phase_sd_deg=sd)
+                row = replace(row, hip_ankle_r=r, phase_mean_deg=mean, phase_sd_deg=sd, foot_displacement_m=moved)
             rows.append(row)
     return rows
 
@@ -123,8 +128,8 @@ def switches_of_steps(rows: Sequence[StepRow]) -> list[SwitchRow]:
 def switches_of_ramp(trajectory: Trajectory, freq: Array, seed: int, config: DynamicsConfig) -> list[SwitchRow]:
     """Rising and falling switch of each repeat of a ramp up and down, whose frequency is `freq` (T,) [Hz].
 
-    The correlation is that of a centred window of `config.ramp.window` cycles at the mean frequency, of one length in all of the
-    trial, so that both ways are treated alike.
+    The correlation is that of a centred window of `config.ramp.window` cycles at the mean frequency, of the same length in
+    all of the trial, so that both ways are treated alike.
     """
     found, half = [], len(freq) // 2
     still = math.radians(config.still_joint_deg)
