@@ -43,15 +43,24 @@ def angle_deviation(pushed: Joints, twin: Joints) -> Array:
     return np.asarray(np.degrees(np.hypot(pushed.hip - twin.hip, pushed.ankle - twin.ankle)))
 
 
-def relaxation_time(deviation: Array, dt: float) -> float:
-    """Time [s] from the greatest root mean square of `deviation` (P, L) over P pushes until it stays below 1/e of it.
+def typical_size(deviation: Array) -> Array:
+    """Median over P pushes of the size of `deviation` (P, L), at each of the L samples after a push. (L,), in its unit.
 
-    The L samples are `dt` [s] apart and begin at the end of each push. Of a decay exp(-t / tau) it is tau, to one sample; of
-    an oscillation that decays, that of its last excursion. nan where it does not stay below, where nothing deviates, and
+    The median, since the phase of a joint that happens to be near its mean and slow may be anything.
+    """
+    return np.asarray(np.median(np.abs(deviation), axis=0))
+
+
+def relaxation_time(size: Array, dt: float) -> float:
+    """Time [s] from the greatest deviation until it stays below 1/e of that, both counted from where it comes to rest.
+
+    size: (L,) of the deviation, samples `dt` [s] apart from the end of a push on. It rests where it is on average in the
+    last quarter, which need not be at zero, since a push may move the feet. Of a decay exp(-t / tau) it is tau, to one sample; of
+    an oscillation that decays, the time of its last excursion. nan where it does not stay below, where nothing deviates, and
     where a value is not finite. Source: field practice, relaxation time of critical slowing down.
     """
-    size = np.sqrt(np.mean(np.square(deviation), axis=0))
-    if not np.isfinite(size).all() or not size.max() > 0:
+    excess = size - size[-len(size) // 4 :].mean()
+    if not np.isfinite(excess).all() or not excess.max() > 0:
         return math.nan
-    above = np.flatnonzero(size >= size.max() / math.e)
-    return math.nan if above[-1] == len(size) - 1 else float((above[-1] + 1 - size.argmax()) * dt)
+    above = np.flatnonzero(excess >= excess.max() / math.e)
+    return math.nan if above[-1] == len(size) - 1 else float((above[-1] + 1 - excess.argmax()) * dt)

@@ -37,8 +37,8 @@ def draw(
             _staircase(axes.pop(0), [row for row in steps if row.course == course], course)
         if fluctuation:
             ax = axes.pop(0)
-            _by_seed(ax, [(row.seed, row.freq_hz, row.phase_mean_deg % 360) for row in fluctuation])
-            ax.set(ylabel="relative phase hip - ankle [deg]", title="constant frequency", yticks=range(0, 361, 90))
+            _by_seed(ax, [(row.seed, row.freq_hz, (row.phase_mean_deg + 90) % 360 - 90) for row in fluctuation])
+            ax.set(ylabel="relative phase hip - ankle [deg]", title="constant frequency", yticks=range(-90, 271, 90))
             ax = axes.pop(0)
             _by_seed(ax, [(row.seed, row.freq_hz, row.phase_sd_deg) for row in fluctuation])
             ax.set(ylabel="SD of the relative phase over cycles [deg]", title="fluctuations", ylim=(0, None))

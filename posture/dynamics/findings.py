@@ -18,7 +18,8 @@ LITERATURE = {
     "platform": "Ko et al. 2003, standing on a moving platform: no hysteresis",
     "ramp": "",
     "fluctuation": "Bardy et al. 2002: critical fluctuations, the relative phase varies most near the switch",
-    "relaxation": "Bardy et al. 2002: critical slowing down, recovery takes longest near the switch",
+    "phase_relaxation": "Bardy et al. 2002: critical slowing down, recovery takes longest near the switch",
+    "angle_relaxation": "",
     "slow_mode": "Faugloire et al. 2006: in-phase near 20 deg",
     "fast_mode": "Faugloire et al. 2006: anti-phase near 180 deg",
 }
@@ -29,9 +30,9 @@ LITERATURE = {
 class Finding:
     """A number with its 95 % interval: over the seeds where there are several, else over the repeats; nan without one.
 
-    name: hysteresis_<course>, width [Hz], positive where each mode lasts beyond the other's switch; fluctuation and
-    relaxation, ratio [-] of the value near the switch to that elsewhere; slow_mode and fast_mode, relative phase hip - ankle
-    [deg]. found: what it means. people: what is reported of people.
+    name: hysteresis_<course>, width [Hz], positive where each mode lasts beyond the other's switch; fluctuation,
+    phase_relaxation and angle_relaxation, ratio [-] of the value near the switch to that elsewhere; slow_mode and fast_mode,
+    relative phase hip - ankle [deg]. found: what it means. people: what is reported of people.
     """
 
     name: str
@@ -55,8 +56,9 @@ def findings(
             _mode(name, fluctuation, where, near, above) for name, above in (("slow_mode", False), ("fast_mode", True))
         ]
     if relaxation and fluctuation:
-        times = [(row.seed, row.freq_hz, row.phase_relaxation_s) for row in relaxation]
-        found.append(_peak("relaxation", times, where, near))
+        for name in ("phase", "angle"):
+            times = [(row.seed, row.freq_hz, getattr(row, f"{name}_relaxation_s")) for row in relaxation]
+            found.append(_peak(f"{name}_relaxation", times, where, near))
     return found
 
 

@@ -19,7 +19,7 @@ from posture.analysis.coordination import (
     sign_change_frequency,
 )
 from posture.analysis.ramp import ramp_transition, window_correlation
-from posture.analysis.relaxation import Joints, angle_deviation, phase_deviation, relaxation_time
+from posture.analysis.relaxation import Joints, angle_deviation, phase_deviation, relaxation_time, typical_size
 from posture.analysis.trajectory import Array, Trajectory
 from posture.config.dynamics import DynamicsConfig
 from posture.dynamics.courses import Step
@@ -76,8 +76,8 @@ class FluctuationRow:
 
 @dataclass(frozen=True)
 class RelaxationRow:
-    """Pushes at one frequency: how far relative phase and joint angles deviate at most, root mean square over pushes [deg],
-    and their relaxation times [s]. falls: of `repeats`."""
+    """Pushes at one frequency: how far relative phase and joint angles deviate at most, median over the pushes [deg], and
+    their relaxation times [s]. falls: of `repeats`."""
 
     seed: int
     freq_hz: float
@@ -194,8 +194,8 @@ def relaxations_of(pushed: Trajectory, twin: Trajectory, seed: int, config: Dyna
             values = []
             for deviation in (phase, angle):
                 after = np.concatenate([deviation[end : end + length].T for end in ends])
-                peak = float(np.sqrt(np.mean(np.square(after), axis=0)).max())
-                values += [peak, relaxation_time(after, dt)]
+                size = typical_size(after)
+                values += [float(size.max()), relaxation_time(size, dt)]
         rows.append(RelaxationRow(seed, freq, len(worlds), len(worlds) - len(standing), *values))
     return rows
 

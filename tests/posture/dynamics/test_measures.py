@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from posture.analysis.relaxation import Joints, angle_deviation, phase_deviation, relaxation_time
+from posture.analysis.relaxation import Joints, angle_deviation, phase_deviation, relaxation_time, typical_size
 from posture.analysis.trajectory import Trajectory
 from posture.cli import jobs
 from posture.config.dynamics import DynamicsConfig
@@ -108,21 +108,23 @@ def test_hysteresis_of_a_ramp(up, down):
 def test_relaxation_time_of_a_decay_is_its_time_constant():
     time = DT * np.arange(400)
     for tau in (0.2, 0.7, 1.5):
-        assert relaxation_time(np.exp(-time / tau)[None], DT) == pytest.approx(tau, abs=1.01 * DT)
-    # Of several pushes the root mean square counts; the sign of a deviation does not.
-    both = np.stack([3 * np.exp(-time / 0.5), -np.exp(-time / 0.5)])
-    assert relaxation_time(both, DT) == pytest.approx(0.5, abs=1.01 * DT)
+        assert relaxation_time(np.exp(-time / tau), DT) == pytest.approx(tau, rel=0.03, abs=1.01 * DT)
+        assert relaxation_time(0.4 + 3 * np.exp(-time / tau), DT) == relaxation_time(np.exp(-time / tau), DT)
+
+
+def test_the_size_of_a_deviation_is_its_median_over_the_pushes():
+    assert typical_size(np.array([[1.0, -2.0], [-3.0, 100.0], [2.0, 1.0]])).tolist() == [2.0, 2.0]
 
 
 def test_relaxation_time_counts_from_the_greatest_deviation_to_the_last_excursion():
     deviation = np.zeros(200)
-    deviation[[10, 60, 110]] = 1.0, -0.5, 0.2
-    assert relaxation_time(deviation[None], 0.01) == pytest.approx(0.51)
+    deviation[[10, 60, 110]] = 1.0, 0.5, 0.2
+    assert relaxation_time(deviation, 0.01) == pytest.approx(0.51)
 
 
 @pytest.mark.parametrize("values", [np.zeros(50), np.ones(50), np.full(50, np.nan)])
 def test_relaxation_time_is_unknown_where_nothing_decays(values):
-    assert math.isnan(relaxation_time(values[None], DT))
+    assert math.isnan(relaxation_time(values, DT))
 
 
 def sinusoid(phase, freq, time, amplitude):
@@ -195,7 +197,8 @@ def test_fluctuations_and_relaxation_near_the_switch_over_those_elsewhere():
     times = [row for seed in (1, 2, 3) for row in relaxation(seed, lambda freq: 1.0)]
     found = named(findings([], rows, times, 0.1))
     assert (found["fluctuation"].value, found["fluctuation"].found) == (pytest.approx(3.0), "larger near the switch")
-    assert (found["relaxation"].value, found["relaxation"].found) == (pytest.approx(1.0), "not larger near the switch")
+    one = found["phase_relaxation"]
+    assert (one.value, one.found) == (pytest.approx(1.0), "not larger near the switch")
 
 
 def test_modes_are_circular_means_below_and_above_the_switch():
