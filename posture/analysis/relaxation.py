@@ -55,9 +55,9 @@ def relaxation_time(size: Array, dt: float) -> float:
     """Time [s] from the greatest deviation until it stays below 1/e of that, both counted from where it comes to rest.
 
     size: (L,) of the deviation, samples `dt` [s] apart from the end of a push on. It rests where it is on average in the
-    last quarter, which need not be at zero, since a push may move the feet. Of a decay exp(-t / tau) it is tau, to one sample; of
-    an oscillation that decays, the time of its last excursion. nan where it does not stay below, where nothing deviates, and
-    where a value is not finite. Source: field practice, relaxation time of critical slowing down.
+    last quarter, which need not be at zero, since a push may move the feet. Of a decay exp(-t / tau) it is tau, to one
+    sample; of an oscillation that decays, the time of its last excursion. nan where it does not stay below, where nothing
+    deviates, and where a value is not finite. Source: field practice, relaxation time of critical slowing down.
     """
     excess = size - size[-len(size) // 4 :].mean()
     if not np.isfinite(excess).all() or not excess.max() > 0:
