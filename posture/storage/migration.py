@@ -11,7 +11,7 @@ from typing import Any
 from envs.config import RANGE_KEYS
 from posture.config.errors import ConfigError
 
-VERSION = 8
+VERSION = 9
 
 
 def upgrade(values: dict[str, Any], file: Path) -> dict[str, Any]:
@@ -85,6 +85,13 @@ def _from_7(values: dict[str, Any]) -> dict[str, Any]:
     return values
 
 
+def _from_8(values: dict[str, Any]) -> dict[str, Any]:
+    """Everyone had the paper's body."""
+    with contextlib.suppress(KeyError, TypeError, AttributeError):  # as above
+        values["env"].setdefault("body", None)
+    return values
+
+
 UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     1: _from_1,
     2: _from_2,
@@ -93,5 +100,6 @@ UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     5: _from_5,
     6: _from_6,
     7: _from_7,
+    8: _from_8,
 }
 """By version, the function that gives the version after it."""
