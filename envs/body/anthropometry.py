@@ -31,8 +31,8 @@ UPRIGHT = (*MIDLINE, "thigh", "shank")
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """mass [kg]; length [m]; com: centre of mass from the upper end, of the foot from the heel [m]; gyration: radii of gyration
-    about its sagittal, transverse and longitudinal axis through the centre of mass [m], (3,)."""
+    """mass [kg]; length [m]; com: centre of mass from the upper end, of the foot from the heel [m]; gyration: radii about
+    its sagittal, transverse and longitudinal axis through the centre of mass [m], (3,)."""
 
     mass: float
     length: float

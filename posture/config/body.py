@@ -1,13 +1,13 @@
 """How what the joints can do scales with the body, from the paper's body (Table 1) to that of a person.
 
-Were two bodies of the same proportions, they would move alike with all lengths in the ratio of their statures h, all masses in
-that of their masses m, and times in that of sqrt(h), since gravity is the same. Then torques are in the ratio m h, as that of
-gravity, and so are stiffnesses, which are torques per angle; dampings, torques per angle and time, in the ratio m h^1.5; and
-moments of inertia in the ratio m h^2. Persons have other proportions than the paper's body. They still get its joints scaled by
-these ratios, so that their joints are as stiff and strong against gravity as its are.
+Two bodies of the same proportions move alike if all lengths are in the ratio of their statures h, all masses in that of
+their masses m, and times in that of sqrt(h), since gravity is the same. Torques are then in the ratio m h, as that of gravity.
+Stiffness, a torque per angle, is so, too; damping, a torque per angular velocity, is in the ratio m h^1.5, and a moment of
+inertia in the ratio m h^2. A person has other proportions than the paper's body, but joints scaled by these ratios: as stiff
+and as strong against gravity.
 
-The torque limit so scaled is that of paper Table 1, not a measured strength. Target, tolerances, load and friction are given,
-not scaled.
+The torque limit so scaled is that of paper Table 1, not a measured strength. Target, tolerances, load and friction are
+given, not scaled.
 """
 
 from collections.abc import Sequence
@@ -38,9 +38,9 @@ def factor(key: str, body: Person | None) -> float:
 
 
 def for_body(key: str, value: float | Sequence[float], body: Any) -> float | list[float]:
-    """`value` of `key` for the paper's body, scaled for `body`: a record of `Person` or None. Six digits. A resolver of conf/.
+    """`value` of `key` for the paper's body, scaled for `body`, a record of `Person` or None. A resolver of conf/.
 
-    Where `body` is no such record the value stays: the check of the configuration says what is wrong.
+    Where `body` is neither, the value stays: the check of the configuration says what is wrong.
     """
     try:
         person = None if body is None else Person.model_validate(dict(body))

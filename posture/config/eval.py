@@ -62,10 +62,7 @@ class BodyChanges(Strict):
         given = _given(self.model_dump())
         values = {} if body is None else body.model_dump()
         if given and (missing := Person.model_fields.keys() - (values | given)):
-            raise ConfigError(
-                f"env.body.{min(missing)}: missing, since the policy was trained with the paper's body; "
-                "env/body=anthropometric gives all of a body"
-            )
+            raise ConfigError(f"body.{min(missing)}: missing; the policy was trained with the paper's body, which has none")
         return Person(**values | given) if given else body
 
 
@@ -83,9 +80,13 @@ class EnvChanges(Strict):
     solver: SolverChanges
 
     def apply_to(self, env: EnvConfig) -> dict[str, Any]:
-        """The values of `env` with these changes, to be checked. With its body, the joints are scaled. Raises ConfigError where
-        a part of a person's body is missing."""
-        values, changes = with_body(env.without_ranges(), self.body.apply_to(env.body)), self.model_dump(exclude={"body"})
+        """The values of `env` with these changes, to be checked. Its joints are scaled with its body. Raises ConfigError
+        where a part of a person's body is missing."""
+        try:
+            values = with_body(env.without_ranges(), self.body.apply_to(env.body))
+        except ConfigError as error:
+            raise ConfigError(f"env.{error}") from None
+        changes = self.model_dump(exclude={"body"})
         values["solver"] |= _given(changes.pop("solver"))
         return values | _given(changes) | ({"ramp": None} if self.ramp == "none" else {})
 

@@ -164,9 +164,9 @@ def draw_phases(
 ) -> Array:
     """Draw P instants of a motion side by side, `spacing` [m] apart, each with the target above. Source: paper Fig. 2.
 
-    `hip` and `ankle` [rad], `target_x` [m] and `foot_x` [m], each (P,) or one number. A dashed line runs from the target down
-    to the height of the head's centre, which is a black dot. A short mark on the ground below each body is at its x = 0.
-    Returns the positions of these marks [m], (P,), for labels.
+    `hip` and `ankle` [rad], `target_x` [m] and `foot_x` [m], each (P,) or one number. A dashed line runs from the target
+    down to the height of the head's centre, which is a black dot. A short mark on the ground below each body is at its
+    x = 0. Returns the positions of these marks [m], (P,), for labels.
     """
     arrays = [np.asarray(values, dtype=np.float64) for values in (hip, ankle, target_x, foot_x)]
     instants = np.stack(np.broadcast_arrays(*map(np.atleast_1d, arrays)), axis=1)
@@ -220,9 +220,7 @@ def _pose(hip: float, ankle: float, foot_x: float, person: Person | None) -> Any
     return data
 
 
-def _layers(
-    hip: float, ankle: float, foot_x: float, shift: float, person: Person | None
-) -> list[tuple[Outline, Outline]]:
+def _layers(hip: float, ankle: float, foot_x: float, shift: float, person: Person | None) -> list[tuple[Outline, Outline]]:
     """For each layer, in the order of WHITENESS: the outline that is filled, and the solids whose edges are drawn."""
     parts = {part: list(found.values()) for part, found in solids(hip, ankle, foot_x, person).items()}
     ankle_joint = joint_positions(hip, ankle, foot_x, person)[1]

@@ -20,7 +20,6 @@ import viser
 from envs.body.segments import read_segments
 from posture.config.errors import ConfigError
 from posture.config.play import PlayConfig
-from posture.config.published import read_published
 from posture.play.address import HOST, port_in_use
 from posture.play.panel import Panel
 from posture.play.plots import Plots
@@ -188,7 +187,7 @@ class Visitor(threading.Thread):
         gui.main_panel.dock_right()
         gui.main_panel.set_width(310)
         aim_camera(client.camera)
-        self._scene = Scene(client.scene, session.sole, read_published().table_1.target_height_m)
+        self._scene = Scene(client.scene, session.sole, session.settings.body)
 
     def _show_error(self, title: str, text: str) -> None:
         self._client.add_notification(title, text, color="red")
@@ -224,6 +223,8 @@ class Visitor(threading.Thread):
     def _draw_scene(self, session: Session) -> None:
         with self._client.atomic():
             settings = session.settings
+            if self._scene.person != settings.body:
+                self._scene = Scene(self._client.scene, session.sole, settings.body)
             self._scene.show(session.state, settings.tolerance, settings.load, session.load_at)
         self.frames += 1
 
