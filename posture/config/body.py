@@ -1,8 +1,8 @@
 """How what the joints can do scales with the body, from the paper's body (Table 1) to that of a person.
 
 Two bodies of the same proportions move alike if all lengths are in the ratio of their statures h, all masses in that of
-their masses m, and times in that of sqrt(h), since gravity is the same. Torques are then in the ratio m h, as that of gravity.
-Stiffness, a torque per angle, is so, too; damping, a torque per angular velocity, is in the ratio m h^1.5, and a moment of
+their masses m, and times in that of sqrt(h), since gravity is the same. Torques are then in the ratio m h, as gravity's is.
+So is stiffness, a torque per angle; damping, a torque per angular velocity, is in the ratio m h^1.5, and a moment of
 inertia in the ratio m h^2. A person has other proportions than the paper's body, but joints scaled by these ratios: as stiff
 and as strong against gravity.
 

@@ -70,6 +70,7 @@ class Server:
 
     def __init__(self, config: PlayConfig, policies: list[PolicyChoice], worker: TheoryWorker) -> None:
         torch.set_num_threads(1)
+        config.body.apply_to(policies[0].env.body)  # reports a part that is missing before a visitor comes
         self._config = config
         self._make_session = partial(Session, config, policies, read_segments(policies[0].env), worker)
         self.visitors: dict[int, Visitor] = {}

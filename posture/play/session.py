@@ -107,7 +107,8 @@ class Session:
                 raise ValueError(f"{name} = {value:g}: allowed is {low:g}..{high:g}")
         if "freq" in values:
             self.ramping = 0
-        self.settings = replace(self.settings, **values)
+        changes: dict[str, Any] = values
+        self.settings = replace(self.settings, **changes)
 
     def set_body(self, body: Person | None) -> None:
         """Have another body from the next step on, upright and at rest, with joints scaled to it; None: the paper's."""
