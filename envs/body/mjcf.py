@@ -53,8 +53,13 @@ def _with_measures(text: str, body: Anatomy, mass: float) -> str:
     trunk = (PAPER_HIP, 0.0), (body.hip - body.shoulder, 0.0)
     for name in ("torso", "upper_waist", "lower_waist", "pelvis"):
         reshape(name, trunk)
-    _set(head, "pos", np.array([0.0, 0.0, body.head - body.shoulder]))
-    _set(head, "size", np.array([body.stature - body.head]))
+    # The head is a capsule about its centre of mass, whose top is that of the body.
+    radius, at = wide * _numbers(head, "size")[0], body.head - body.shoulder
+    half = body.stature - body.head - radius
+    head.set("type", "capsule")
+    _set(head, "fromto", np.array([0.0, 0.0, at - half, 0.0, 0.0, at + half]))
+    _set(head, "size", np.array([radius]))
+    del head.attrib["pos"]
     arm = PAPER_ARM, tuple(height - body.shoulder for height in (body.hand, body.wrist, body.elbow, body.shoulder))
     leg = PAPER_LEG, (body.ankle - body.hip, body.knee - body.hip, 0.0)
     for side, sign in (("left", 1.0), ("right", -1.0)):

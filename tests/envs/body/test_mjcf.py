@@ -48,8 +48,9 @@ def test_measures_of_the_upright_body(person, upright):
         ends = data.geom(sole).xpos + np.outer([-1, 1], data.geom(sole).xmat.reshape(3, 3)[:, 2]) * model.geom(sole).size[1]
         assert ends[:, 2] - model.geom(sole).size[0] == pytest.approx([0.0, 0.0], abs=1e-9)
         assert sorted(ends[:, 0]) == pytest.approx(body.sole, abs=1e-9)
-    head = data.geom("head").xpos
-    assert (head[0], head[2] + model.geom("head").size[0]) == pytest.approx((0.0, person.height), abs=1e-9)
+    head, (radius, half, _) = data.geom("head").xpos, model.geom("head").size
+    assert head == pytest.approx([0.0, 0.0, body.head], abs=1e-9)
+    assert head[2] + half + radius == pytest.approx(person.height, abs=1e-9)
     for side, sign in (("left", 1), ("right", -1)):
         hip, ankle = (data.joint(f"{kind}_{side}").xanchor for kind in ("hip", "ankle"))
         assert hip == pytest.approx([0.0, sign * body.hip_width, body.hip], abs=1e-9)
@@ -87,8 +88,7 @@ def test_newton_reads_the_same_body(env_config, person, upright):
 
 
 def test_solids_fill_about_the_mass(upright):
-    """Their radii follow the mass: with a density of 1000 kg/m3 they weigh between 0.9 and 1.3 of it, although the head is a
-    ball from the centre of mass to the vertex."""
+    """Their radii follow the mass: with a density of 1000 kg/m3 they weigh about as much as the body."""
     model, _ = upright
     volume = 0.0
     for i in range(model.ngeom):
@@ -97,4 +97,4 @@ def test_solids_fill_about_the_mass(upright):
             continue
         sphere = model.geom_type[i] == mujoco.mjtGeom.mjGEOM_SPHERE
         volume += 4 / 3 * np.pi * radius**3 + (0.0 if sphere else np.pi * radius**2 * 2 * half)
-    assert 0.9 < 1000 * volume / model.body_mass.sum() < 1.3
+    assert 1000 * volume / model.body_mass.sum() == pytest.approx(1.0, abs=0.05)
