@@ -37,18 +37,19 @@ def factor(key: str, body: Person | None) -> float:
     return float((body.mass / paper.mass_kg) ** of_mass * (body.height / paper.height_m) ** of_height)
 
 
-def for_body(key: str, value: float | Sequence[float], body: Any) -> float | list[float]:
-    """`value` of `key` for the paper's body, scaled for `body`, a record of `Person` or None. A resolver of conf/.
+def for_body(key: str, value: float | Sequence[float], body: Any) -> Any:
+    """`value` of `key` for the paper's body, scaled for `body`, a record of `Person` or None: six digits, for those who read
+    them. A resolver of conf/.
 
     Where `body` is neither, the value stays: the check of the configuration says what is wrong.
     """
+    if not isinstance(value, (int, float)):
+        return [for_body(key, each, body) for each in value]
     try:
         person = None if body is None else Person.model_validate(dict(body))
     except (ValidationError, TypeError, ValueError):
         person = None
-    if isinstance(value, (int, float)):
-        return _scaled(value, factor(key, person))
-    return [_scaled(each, factor(key, person)) for each in value]
+    return value if person is None else float(f"{value * factor(key, person):.6g}")
 
 
 def with_body(env: EnvConfig, body: Person | None) -> dict[str, Any]:
@@ -58,9 +59,5 @@ def with_body(env: EnvConfig, body: Person | None) -> dict[str, Any]:
         return values
     for key in EXPONENTS:
         part = values["termination"] if key == "fall_height" else values
-        part[key] = _scaled(part[key], factor(key, body) / factor(key, env.body))
+        part[key] *= factor(key, body) / factor(key, env.body)
     return values
-
-
-def _scaled(value: float, ratio: float) -> float:
-    return value if ratio == 1.0 else float(f"{value * ratio:.6g}")

@@ -35,7 +35,7 @@ def reference(config, request):
         history.append(solver.read())
     exact = {key: np.stack([outputs[key] for outputs in history]) for key in OUTPUTS}
     assert bool(exact["sole_force"].any()) == (request.param == "on the ground")
-    assert np.ptp(exact["joint_angle"], axis=0).min() > 0.05
+    assert np.ptp(exact["joint_angle"], axis=0).min() > 0.04
     return start, torques, exact
 
 

@@ -6,7 +6,7 @@ from envs.body.segments import read_segments
 from envs.config import Person
 from posture.analysis.coordination import torque_cost
 from posture.cli import jobs
-from posture.config.body import factor, for_body, with_body
+from posture.config.body import EXPONENTS, factor, for_body, with_body
 from posture.config.errors import ConfigError
 from posture.config.eval import BodyChanges
 from posture.config.theory import TheoryConfig
@@ -105,4 +105,9 @@ def test_the_papers_table_is_not_compared_with_other_bodies():
 def test_another_body_and_back():
     env = compose().env
     there = env.model_validate(with_body(env, TALL))
-    assert there.termination.fall_height == pytest.approx(4 / 3) and env.model_validate(with_body(there, None)) == env
+    assert there.body == TALL and (there.hip_k, there.termination.fall_height) == pytest.approx((500 / 3, 4 / 3))
+    back = env.model_validate(with_body(there, None))
+    for key in EXPONENTS:
+        own, again = (getattr(one.termination if key == "fall_height" else one, key) for one in (env, back))
+        assert again == pytest.approx(own, rel=1e-12), key
+    assert back.body is None
