@@ -25,7 +25,7 @@ REFUSED = [
     ("eval", ["policy=lqr", "env.load=1", "lqr.env.load=2"], "lqr.env.load: has no effect beside env.load"),
     (
         "eval",
-        ["policy=lqr", "env.body.mass=70", "lqr.env.body.mass=80"],
+        ["policy=lqr", "env.body.mass=70", "lqr.env.body={mass:80,height:1.7,sex:male}"],
         "lqr.env.body.mass: has no effect beside env.body.mass",
     ),
     ("eval", ["lqr.angle=0.2"], "lqr.angle: has no effect with policy=trained"),
