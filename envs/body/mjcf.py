@@ -32,22 +32,24 @@ def mjcf(person: Person | None) -> str:
 
 
 def _with_measures(text: str, body: Anatomy, mass: float) -> str:
+    """The MJCF `text` with the measures of `body`, which weighs `mass` [kg]."""
     root = ElementTree.fromstring(text)
     paper = mujoco.MjModel.from_xml_string(text)
     named = {element.get("name"): element for element in root.iter() if element.get("name")}
     head, hat = named["head"], named["hat"]
+    # Ratios to the paper's body: of its widths, of the radii of its solids, and of the height of its feet.
     wide = body.stature / (_numbers(hat, "pos")[2] + _numbers(head, "pos")[2] + _numbers(head, "size")[0])
     thick = float(np.sqrt(mass / paper.body_mass.sum() / wide))
     high = body.ankle / PAPER_ANKLE
 
-    def reshape(name: str, heights: tuple[tuple[float, ...], tuple[float, ...]], girth: float = thick) -> None:
+    def reshape(name: str, heights: tuple[tuple[float, ...], tuple[float, ...]]) -> None:
         """Move the ends of a solid to other heights, (before, after), and scale the rest."""
         geom = named[name]
         key = "pos" if geom.get("fromto") is None else "fromto"
         points = _numbers(geom, key).reshape(-1, 3) * [wide, wide, 1.0]
         points[:, 2] = np.interp(points[:, 2], *heights)
         _set(geom, key, points.ravel())
-        _set(geom, "size", girth * _numbers(geom, "size"))
+        _set(geom, "size", thick * _numbers(geom, "size"))
 
     _set(hat, "pos", np.array([0.0, 0.0, body.shoulder]))
     trunk = (PAPER_HIP, 0.0), (body.hip - body.shoulder, 0.0)

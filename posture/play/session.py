@@ -233,16 +233,17 @@ class Session:
 
     def _change_body(self) -> None:
         self.settings = self._with_body(self.settings, self._asked_body)
-        self._use(self._policies[self.policy])
+        choice, controller = self._policies[self.policy], self._controller
+        self._use(choice, None if choice.model is None else controller)
         self.reset()
 
-    def _use(self, choice: PolicyChoice) -> None:
-        """Make environment and controller of `choice`, with the body of the settings."""
+    def _use(self, choice: PolicyChoice, controller: Controller | None = None) -> None:
+        """Make the environment of `choice`, with the body of the settings, and its controller, unless that is given."""
         env = EnvConfig.model_validate(with_body(choice.env, self.settings.body))
         if self._segments[0] != env.body:
             self._segments = env.body, read_segments(env)
         self._env = PlayEnv(env, self.settings)
-        self._controller = choice.load(self._config.lqr, self._worker, self._segments[1])
+        self._controller = controller or choice.load(self._config.lqr, self._worker, self._segments[1])
         self.policy = choice.name
 
     def _advance_ramp(self) -> None:
