@@ -38,7 +38,7 @@ exclude_patterns = [".*", "build", "runs"]  # folders that are not searched
 NAVIGATION = {
     "Start": ["Overview <self>", "docs/introduction", "docs/notebooks/switch", "docs/commands", "docs/gallery"],
     "Findings": ["docs/results", "results/reproduction/summary", "docs/reproduction", "results/lqr/table"],
-    "Background": ["docs/task", "docs/many_bodies", "docs/physics", "docs/theory", "docs/learning"],
+    "Background": ["docs/task", "docs/bodies", "docs/many_bodies", "docs/physics", "docs/theory", "docs/learning"],
     "Operation": ["docs/training", "docs/speed", "docs/scale", "docs/gymnasium", "docs/export", "docs/robustness"],
     "Development": ["docs/architecture", "docs/api/index", "CHANGELOG"],
 }

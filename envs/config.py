@@ -53,6 +53,22 @@ Friction = Annotated[float, Field(ge=0.01, le=5)]
 HeadTolerance = Annotated[float, Field(gt=0, le=2)]
 Sharpness = Annotated[float, Field(gt=0, le=10_000)]
 Physics = Literal["sagittal", "mujoco", "mujoco_c"]
+Mass = Annotated[float, Field(ge=20, le=200)]
+Stature = Annotated[float, Field(ge=1.0, le=2.3)]
+Sex = Literal["female", "male"]
+
+MAX_FALL_HEIGHT = 1.2
+"""Of the paper's body [m], whose torso is at 1.29 m when upright."""
+MAX_FALL_SHARE = 0.75
+"""The same of a person's stature; the shoulders are at 0.79 of it or above."""
+
+
+class Person(Strict):
+    """A person whose body follows from `mass` [kg] and stature `height` [m], by envs/body/proportions.yaml."""
+
+    mass: Mass
+    height: Stature
+    sex: Sex
 
 
 class Ramp(Strict):
@@ -125,7 +141,7 @@ class RewardConfig(Strict):
 class TerminationConfig(Strict):
     """Limits that end an episode early; None: no limit."""
 
-    fall_height: Annotated[float, Field(gt=0, le=1.2)]  # the torso is at 1.29 m when upright
+    fall_height: Annotated[float, Field(gt=0, le=2)]  # `EnvConfig` has the limit that depends on the body
     foot_motion: Annotated[float, Field(gt=0, le=1)] | None
     head_tolerance: HeadTolerance | None
 
@@ -226,7 +242,7 @@ class EnvConfig(Strict):
     """The head-tracking task. Units and sources are in conf/env/head_tracking.yaml.
 
     A key of `RANGE_KEYS` may be given as [low, high], which is kept in `ranges`. The key itself is then the middle: the
-    value of a trial that gives none.
+    value of a trial that gives none. body: a person's; None: the paper's.
     """
 
     num_envs: Annotated[int, Field(ge=1, le=1_000_000)]
@@ -242,12 +258,13 @@ class EnvConfig(Strict):
     log_ranges: tuple[str, ...]
     energy_weight: Annotated[float, Field(ge=0, le=10_000)] | Schedule
 
+    body: Person | None
     physics: Physics
     control_dt: Annotated[float, Field(ge=1e-5, le=0.1)]
     episode_steps: Steps | tuple[Steps, Steps]
     joint_damping: JointDamping
     joint_armature: Annotated[float, Field(ge=0, le=10)]
-    torque_limit: Annotated[float, Field(ge=1, le=500)]
+    torque_limit: Annotated[float, Field(ge=1, le=1000)]
     friction: Friction
     observations: Annotated[
         dict[
@@ -302,6 +319,12 @@ class EnvConfig(Strict):
                 )
             check_once(terms, f"observations.{group}")
         self._check_sensing()
+        highest = MAX_FALL_HEIGHT if self.body is None else MAX_FALL_SHARE * self.body.height
+        if self.termination.fall_height > highest:
+            raise ValueError(
+                f"termination.fall_height: {self.termination.fall_height:g} m is too near to the torso of the upright body; "
+                f"allowed is at most {highest:.4g} m"
+            )
         check_once(self.log_ranges, "log_ranges")
         for name in self.log_ranges:
             if name not in self.ranges.given:

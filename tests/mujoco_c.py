@@ -4,12 +4,12 @@ import mujoco
 import numpy as np
 
 from envs.body.joints import BODIES, FEET, JOINTS
-from envs.body.model import MJCF
+from envs.body.mjcf import mjcf
 
 
 def with_load(config, spec=None):
     """MuJoCo's model of the body, or of `spec`, with the load of `config`; at a place of its own it is a body of its own."""
-    spec = spec or mujoco.MjSpec.from_file(str(MJCF))
+    spec = spec or mujoco.MjSpec.from_string(mjcf(config.body))
     if config.load and config.load_at:
         x, z = config.load_at
         place = spec.body("hat").add_body(name="load", pos=[x, 0.0, z])
@@ -21,7 +21,7 @@ def with_load(config, spec=None):
 
 
 class MujocoC:
-    """The same file in MuJoCo's C solver, with springs, damping, armature, friction, load and contact bias of `config`."""
+    """The same MJCF in MuJoCo's C solver, with springs, damping, armature, friction, load and contact bias of `config`."""
 
     def __init__(self, config, height=0.0, timestep=None):
         model = with_load(config)

@@ -1,4 +1,4 @@
-"""The stander's body: humanoid.xml as a Newton model of N identical, independent worlds.
+"""The stander's body: its MJCF as a Newton model of N identical, independent worlds.
 
 Frames and signs, stated once for the whole project: x forward, y left, z up; the sagittal plane is x-z. Joint axes point
 along +y and angles are those of the child relative to its parent, so hip flexion is negative, and the ankle is negative
@@ -6,7 +6,6 @@ when the body leans forward. Joints are in the order of `JOINTS`.
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import newton
 import numpy as np
@@ -14,16 +13,15 @@ import warp
 from newton.solvers import SolverMuJoCo
 
 from envs.body.joints import BODIES, JOINTS
+from envs.body.mjcf import mjcf
 from envs.config import EnvConfig
 
 # Otherwise Warp prints a line for each of some fifty kernel modules that it loads.
 warp.config.log_level = warp.LOG_ERROR
 
-MJCF = Path(__file__).with_name("humanoid.xml")
-
 
 def build_model(config: EnvConfig, num_worlds: int, device: str) -> newton.Model:
-    """Newton model of `num_worlds` standers, each on its own ground, with the springs, damping and armature of `config`.
+    """Newton model of `num_worlds` standers, each on its own ground, with body, springs, damping and armature of `config`.
 
     Stiffness and load of single worlds are set later by the simulation, without a new model.
     """
@@ -32,7 +30,7 @@ def build_model(config: EnvConfig, num_worlds: int, device: str) -> newton.Model
     # Contacts are detected at touch, not before, as when MuJoCo reads the MJCF.
     stander.default_shape_cfg.gap = 0.0
     stander.default_shape_cfg.mu = config.friction
-    stander.add_mjcf(str(MJCF))
+    stander.add_mjcf(mjcf(config.body))
     _check_order(stander)
     first = stander.joint_dof_count - len(JOINTS)
     stander.joint_stiffness[first:] = 2 * [config.hip_k, config.ankle_k]
@@ -83,4 +81,4 @@ def _check_order(builder: newton.ModelBuilder) -> None:
     bodies = tuple(label.rsplit("/", 1)[-1] for label in builder.body_label)
     joints = tuple(label.rsplit("/", 1)[-1] for label in builder.joint_label)
     if bodies != BODIES or joints != ("root", *JOINTS):
-        raise RuntimeError(f"unexpected order in {MJCF.name}: bodies {bodies}, joints {joints}")
+        raise RuntimeError(f"unexpected order in the MJCF: bodies {bodies}, joints {joints}")

@@ -1,6 +1,6 @@
 """N standers in MuJoCo's own C solver, in double precision, the full three-dimensional body: to evaluate policies in.
 
-It reads envs/body/humanoid.xml without Newton. Worlds are stepped one after the other on the CPU, so it is for tens of
+It reads the MJCF of the body without Newton. Worlds are stepped one after the other on the CPU, so it is for tens of
 worlds, not for training. The tensors are in single precision; the state is kept and saved in double.
 """
 
@@ -13,7 +13,8 @@ import torch
 
 from envs.body.joints import ANKLES, BODIES, FEET, HIPS, JOINTS
 from envs.body.load import TrunkOfModel
-from envs.body.model import MJCF, build_model, geometry
+from envs.body.mjcf import mjcf
+from envs.body.model import build_model, geometry
 from envs.config import ConstraintOverflowError, EnvConfig
 from envs.engines.contact_bias import bias_share, subtract_bias
 from envs.engines.interface import SUBJECT, Simulation, top_speed
@@ -26,8 +27,8 @@ _FULL = [int(getattr(mujoco.mjtWarning, f"mjWARN_{name}FULL")) for name in ("CON
 
 
 def build(config: EnvConfig) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    """envs/body/humanoid.xml with the physical parameters and the solver's limits of `config`."""
-    model = mujoco.MjModel.from_xml_path(str(MJCF))
+    """The body with the physical parameters and the solver's limits of `config`."""
+    model = mujoco.MjModel.from_xml_string(mjcf(config.body))
     model.opt.timestep = config.control_dt / config.solver.substeps
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
     model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL

@@ -116,6 +116,8 @@ def one_line(error: Exception) -> str:
     if isinstance(cause, (ConfigAttributeError, ConfigKeyError)) and cause.parent_node is not None:
         if not cause.parent_node:  # null, a number or a list
             parent = str(cause.full_key).rpartition(".")[0]
+            if parent.endswith("env.body"):
+                return f"{cause.full_key}: no such key, since the body is the paper's; add env/body=anthropometric"
             record = "{" + ", ".join(f"{key}: .." for key in Ramp.model_fields) + "}"
             value = f"all of it, as in '{parent}={record}'" if parent.endswith(".ramp") else f"a value, as in {parent}=.."
             return f"{cause.full_key}: no such key, since {parent} has none; give {value}"

@@ -29,6 +29,7 @@ from omegaconf.errors import OmegaConfBaseException
 from pydantic import BaseModel
 
 from posture.cli.ranges import expand_ranges
+from posture.config.body import for_body
 from posture.config.checks import CommandConfig, Output, check_device
 from posture.config.errors import ConfigError
 from posture.config.published import CONF, without_published
@@ -365,6 +366,7 @@ def _check_run(config: TrainConfig, folder: Path) -> None:
 OmegaConf.register_new_resolver("posture.run_folder", run_folder, use_cache=True, replace=True)
 OmegaConf.register_new_resolver("posture.sweep_folder", sweep_folder, use_cache=True, replace=True)
 OmegaConf.register_new_resolver("posture.job_folder", job_folder, replace=True)
+OmegaConf.register_new_resolver("posture.for_body", for_body, replace=True)
 
 
 def _check_effect(configs: Sequence[BaseModel], overrides: Sequence[Override]) -> None:

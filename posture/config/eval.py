@@ -12,13 +12,19 @@ from envs.config import (
     HipStiffness,
     Load,
     LoadPlace,
+    Mass,
+    Person,
     Physics,
     Ramp,
     Seconds,
+    Sex,
+    Stature,
     Strict,
     check_followed,
 )
+from posture.config.body import with_body
 from posture.config.checks import CommandConfig, PathText, Tolerance, check_engine
+from posture.config.errors import ConfigError
 
 MAX_SAMPLES = 10_000_000
 """Control steps times worlds of one evaluation; recording that many takes some gigabytes of memory."""
@@ -44,6 +50,22 @@ class SolverChanges(Strict):
     contact_bias: bool | None
 
 
+class BodyChanges(Strict):
+    """Changes to `env.body`; None: as trained."""
+
+    mass: Mass | None
+    height: Stature | None
+    sex: Sex | None
+
+    def apply_to(self, body: Person | None) -> Person | None:
+        """The body with these changes. Raises ConfigError where a part of a person's body is missing."""
+        given = _given(self.model_dump())
+        values = {} if body is None else body.model_dump()
+        if given and (missing := Person.model_fields.keys() - (values | given)):
+            raise ConfigError(f"body.{min(missing)}: missing; the policy was trained with the paper's body, which has none")
+        return Person(**values | given) if given else body
+
+
 class EnvChanges(Strict):
     """Changes to the environment of a run under evaluation; None: as trained. ramp "none": constant frequencies."""
 
@@ -52,13 +74,19 @@ class EnvChanges(Strict):
     load: Load | None
     load_at: tuple[LoadPlace, LoadPlace] | None
     amplitude: Amplitude | None
+    body: BodyChanges
     physics: Physics | None
     ramp: Ramp | Literal["none"] | None
     solver: SolverChanges
 
     def apply_to(self, env: EnvConfig) -> dict[str, Any]:
-        """The values of `env` with these changes, to be checked."""
-        values, changes = env.without_ranges().model_dump(), self.model_dump()
+        """The values of `env` with these changes, to be checked. Its joints are scaled with its body. Raises ConfigError
+        where a part of a person's body is missing."""
+        try:
+            values = with_body(env.without_ranges(), self.body.apply_to(env.body))
+        except ConfigError as error:
+            raise ConfigError(f"env.{error}") from None
+        changes = self.model_dump(exclude={"body"})
         values["solver"] |= _given(changes.pop("solver"))
         return values | _given(changes) | ({"ramp": None} if self.ramp == "none" else {})
 
@@ -111,7 +139,8 @@ class EvalConfig(CommandConfig):
             return ramp | {"lqr": "with policy=trained"}
         own = (*LQR_ENV, "termination.foot_motion", "termination.head_tolerance")
         given = [
-            *_given(self.env.model_dump(exclude={"solver"})),
+            *_given(self.env.model_dump(exclude={"body", "solver"})),
+            *(f"body.{key}" for key in _given(dict(self.env.body))),
             *(f"solver.{key}" for key in _given(dict(self.env.solver))),
         ]
         changed = {f"lqr.env.{key}": f"beside env.{key}" for key in given}

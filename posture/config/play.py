@@ -4,9 +4,10 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from envs.config import Amplitude, AnkleStiffness, Freq, HipStiffness, Load, Strict
+from envs.config import Amplitude, AnkleStiffness, Freq, HipStiffness, Load, Mass, Person, Stature, Strict
+from posture.config.body import factor
 from posture.config.checks import CommandConfig, PathText, Share, Tolerance
-from posture.config.eval import LQR_ENV, EvaluationConfig, LqrConfig
+from posture.config.eval import LQR_ENV, BodyChanges, EvaluationConfig, LqrConfig
 
 Step = Annotated[float, Field(gt=0, le=1000)]
 Force = Annotated[float, Field(gt=0, le=10_000)]
@@ -20,6 +21,10 @@ SETTINGS = {
     "tolerance": "tolerance [m]",
 }
 """Names of the sliders' settings, and their labels."""
+STIFFNESS = ("hip_k", "ankle_k")
+"""Those of them that are scaled with the body."""
+MEASURES = {"mass": "mass [kg]", "height": "height [m]"}
+"""Names of the sliders of a person's body, and their labels."""
 
 
 class Sliders(Strict):
@@ -31,10 +36,19 @@ class Sliders(Strict):
     load: tuple[Load, Load, Step]
     amplitude: tuple[Amplitude, Amplitude, Step]
     tolerance: tuple[Tolerance, Tolerance, Step]
+    mass: tuple[Mass, Mass, Step]
+    height: tuple[Stature, Stature, Step]
+
+    def for_body(self, name: str, body: Person | None) -> tuple[float, float, float]:
+        """From, to and step of a slider with this body. Stiffnesses go as far as the scaled ones, in the same steps."""
+        low, high, step = getattr(self, name)
+        if name in STIFFNESS and body is not None:
+            low, high = (step * round(factor(name, body) * end / step) for end in (low, high))
+        return low, high, step
 
     @model_validator(mode="after")
     def _ordered(self) -> "Sliders":
-        for name in SETTINGS:
+        for name in (*SETTINGS, *MEASURES):
             low, high, step = getattr(self, name)
             if not low < high or step > high - low:
                 raise ValueError(f"sliders.{name}: goes from low to high in steps between, got {[low, high, step]}")
@@ -80,6 +94,7 @@ class PlayConfig(CommandConfig):
     load: Load | None
     amplitude: Amplitude | None
     tolerance: Tolerance | None
+    body: BodyChanges
     sliders: Sliders
     ramp_rate: Annotated[float, Field(gt=0, le=10)]
     window_steps: Annotated[int, Field(ge=2, le=10_000)]
@@ -105,9 +120,11 @@ class PlayConfig(CommandConfig):
 
     @model_validator(mode="after")
     def _consistent(self) -> "PlayConfig":
-        for name in SETTINGS:
-            low, high, _ = getattr(self.sliders, name)
-            value = getattr(self, name)
+        measures = self.body.model_dump()
+        body = None if None in measures.values() else Person(**measures)
+        given = {name: getattr(self, name) for name in SETTINGS} | {f"body.{name}": measures[name] for name in MEASURES}
+        for name, value in given.items():
+            low, high, _ = self.sliders.for_body(name.removeprefix("body."), body)
             if value is not None and not low <= value <= high:
                 raise ValueError(f"{name} = {value:g}: allowed is {low:g}..{high:g}, as far as its slider goes")
         low, high, _ = self.sliders.freq

@@ -13,8 +13,8 @@ MAX_VALUES = 10_000
 
 
 USED = {
-    "amplitude", "hip_k", "ankle_k", "load", "load_at", "energy_weight", "control_dt", "joint_damping", "joint_armature",
-    "torque_limit", "reward", "termination",
+    "amplitude", "body", "hip_k", "ankle_k", "load", "load_at", "energy_weight", "control_dt", "joint_damping",
+    "joint_armature", "torque_limit", "reward", "termination",
 }  # fmt: skip
 """Keys of `env` that the theory depends on."""
 USED_REWARD = {"target_weight", "target_sharpness", "torque_unit", "energy_unit", "tolerance", "tolerance_weight"}

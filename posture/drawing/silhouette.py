@@ -2,8 +2,8 @@
 
 The view is along +y onto the sagittal plane: x forward to the right, z up, in metres, the ground at z = 0. Hip flexion is
 negative, and the ankle is negative when the body leans forward. The foot lies flat, so the two angles
-determine the pose. Left and right move together; only the near (right) side is drawn. MuJoCo reads all lengths from
-envs/body/humanoid.xml; it is imported in the functions that use it because it is slow.
+determine the pose. Left and right move together; only the near (right) side is drawn. MuJoCo reads all lengths from the
+MJCF of the body, `person`'s or by default the paper's; it is imported in the functions that use it because it is slow.
 
 x is that of a trial: the head of the upright body is at 0 before the foot has moved. `foot_x` [m] is how far forward the
 foot has moved since (`Trajectory.foot_displacement`, if forward).
@@ -13,8 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from functools import cache
-from importlib.resources import files
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -27,6 +26,8 @@ from matplotlib.path import Path as Outline
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull
 
+from envs.config import Person
+from posture.config.published import read_published
 from posture.drawing.style import ANKLE_COLOUR, HIP_COLOUR, ORANGE
 
 Array = NDArray[np.float64]
@@ -58,36 +59,43 @@ class DrawnBody(NamedTuple):
     layers: list[PathPatch]
     joints: list[Circle]
     shift: float  # of the drawing along x [m]
+    person: Person | None
 
     def move(self, hip: float, ankle: float, foot_x: float = 0.0) -> None:
         """Move the artists to `hip` and `ankle` angle [rad] and `foot_x` [m]."""
-        outlines = [outline for layer in _layers(hip, ankle, foot_x, self.shift) for outline in layer]
+        outlines = [outline for layer in _layers(hip, ankle, foot_x, self.shift, self.person) for outline in layer]
         for patch, outline in zip(self.layers, outlines, strict=True):
             patch.set_path(outline)
-        for circle, (x, z) in zip(self.joints, joint_positions(hip, ankle, foot_x), strict=True):
+        for circle, (x, z) in zip(self.joints, joint_positions(hip, ankle, foot_x, self.person), strict=True):
             circle.center = x + self.shift, z
 
 
-def joint_positions(hip: float, ankle: float, foot_x: float = 0.0) -> Array:
+def target_height(person: Person | None) -> float:
+    """Height at which the target is drawn [m]: as far above the head as in paper Table 1."""
+    table = read_published().table_1
+    return table.target_height_m if person is None else table.target_height_m - table.height_m + person.height
+
+
+def joint_positions(hip: float, ankle: float, foot_x: float = 0.0, person: Person | None = None) -> Array:
     """Hip joint and ankle joint (x, z) [m] at `hip` and `ankle` angle [rad]. Shape (2, 2), the hip first."""
-    data = _pose(hip, ankle, foot_x)
+    data = _pose(hip, ankle, foot_x, person)
     return np.stack([data.joint(name + NEAR).xanchor[[0, 2]] for name in ("hip", "ankle")])
 
 
-def head_position(hip: float, ankle: float, foot_x: float = 0.0) -> tuple[float, float]:
+def head_position(hip: float, ankle: float, foot_x: float = 0.0, person: Person | None = None) -> tuple[float, float]:
     """Centre of the head (x, z) [m] at `hip` and `ankle` angle [rad]."""
-    x, _, z = _pose(hip, ankle, foot_x).geom("head").xpos
+    x, _, z = _pose(hip, ankle, foot_x, person).geom("head").xpos
     return float(x), float(z)
 
 
-def solids(hip: float, ankle: float, foot_x: float = 0.0) -> dict[str, dict[str, Solid]]:
+def solids(hip: float, ankle: float, foot_x: float = 0.0, person: Person | None = None) -> dict[str, dict[str, Solid]]:
     """Solids of the trunk, head, near arm, leg and foot at `hip` and `ankle` angle [rad], by part and by geom name.
 
     These are the geoms with mass: without the ground and the soles, which only define the contact.
     """
     import mujoco
 
-    model, data = _model(), _pose(hip, ankle, foot_x)
+    model, data = _model(person), _pose(hip, ankle, foot_x, person)
     parts: dict[str, dict[str, Solid]] = {"trunk": {}, "head": {}, "leg": {}, "foot": {}, "arm": {}}
     for i in range(model.ngeom):
         geom = model.geom(i)
@@ -111,19 +119,20 @@ def draw_body(
     shift: float = 0.0,
     alpha: float = 1.0,
     colour: str = BODY_COLOUR,
+    person: Person | None = None,
 ) -> DrawnBody:
     """Draw the stander at `hip` and `ankle` angle [rad], its two joints as dots; the aspect of `ax` becomes equal.
 
     `shift` [m] moves the drawing along x. From back to front: trunk and head, leg, arm, as seen from the right. Use `alpha`
     below 1 for overlapping bodies.
     """
-    body = DrawnBody([], [], shift)
+    body = DrawnBody([], [], shift, person)
     style = {"alpha": alpha, "zorder": 2}
     # One path per layer, so that overlapping solids are filled once and a low alpha does not show the overlap.
-    for (whole, solid), whiteness in zip(_layers(hip, ankle, foot_x, shift), WHITENESS, strict=True):
+    for (whole, solid), whiteness in zip(_layers(hip, ankle, foot_x, shift, person), WHITENESS, strict=True):
         body.layers.append(ax.add_patch(PathPatch(whole, fc=_mixed(colour, "white", whiteness), ec="none", **style)))
         body.layers.append(ax.add_patch(PathPatch(solid, fc="none", ec=_mixed(colour, "black", 0.5), lw=0.6, **style)))
-    for (x, z), dot in zip(joint_positions(hip, ankle, foot_x), (HIP_COLOUR, ANKLE_COLOUR), strict=True):
+    for (x, z), dot in zip(joint_positions(hip, ankle, foot_x, person), (HIP_COLOUR, ANKLE_COLOUR), strict=True):
         circle = Circle((x + shift, z), DOT_RADIUS, facecolor=dot, edgecolor="white", lw=0.7, alpha=alpha, zorder=2)
         body.joints.append(ax.add_patch(circle))
     ax.set_aspect("equal")
@@ -149,42 +158,45 @@ def draw_phases(
     target_x: ArrayLike,
     spacing: float,
     *,
-    target_height: float,
     foot_x: ArrayLike = 0.0,
     colour: str = BODY_COLOUR,
+    person: Person | None = None,
 ) -> Array:
     """Draw P instants of a motion side by side, `spacing` [m] apart, each with the target above. Source: paper Fig. 2.
 
-    `hip` and `ankle` [rad], `target_x` [m] and `foot_x` [m], each (P,) or one number; `target_height` [m], paper
-    Table 1. A dashed line runs from the target down to the height of the head's centre, which is a black dot. A short mark
-    on the ground below each body is at its x = 0. Returns the positions of these marks [m], (P,), for labels.
+    `hip` and `ankle` [rad], `target_x` [m] and `foot_x` [m], each (P,) or one number. A dashed line runs from the target
+    down to the height of the head's centre, which is a black dot. A short mark on the ground below each body is at its
+    x = 0. Returns the positions of these marks [m], (P,), for labels.
     """
     arrays = [np.asarray(values, dtype=np.float64) for values in (hip, ankle, target_x, foot_x)]
     instants = np.stack(np.broadcast_arrays(*map(np.atleast_1d, arrays)), axis=1)
     if instants.ndim != 2 or not len(instants):
         raise ValueError(f"hip, ankle, target_x and foot_x must be (P,), but are {', '.join(str(a.shape) for a in arrays)}")
+    height = target_height(person)
     places: Array = spacing * np.arange(len(instants), dtype=np.float64)
     for place, (hip_angle, ankle_angle, target, foot) in zip(places, instants, strict=True):
-        draw_body(ax, hip_angle, ankle_angle, foot_x=foot, shift=place, colour=colour)
-        head_x, head_z = head_position(hip_angle, ankle_angle, foot)
-        draw_target(ax, place + target, target_height, head_height=head_z)
+        draw_body(ax, hip_angle, ankle_angle, foot_x=foot, shift=place, colour=colour, person=person)
+        head_x, head_z = head_position(hip_angle, ankle_angle, foot, person)
+        draw_target(ax, place + target, height, head_height=head_z)
         ax.add_patch(Circle((place + head_x, head_z), DOT_RADIUS / 2, fc="black", ec="none", zorder=3))
         ax.plot([place, place], [-0.05, 0.0], color=GROUND_COLOUR, lw=1.2, zorder=1)
     draw_ground(ax, places[0] - spacing / 2, places[-1] + spacing / 2)
-    ax.set(xlim=(places[0] - spacing / 2, places[-1] + spacing / 2), ylim=(-0.08, target_height + 2 * TARGET_RADIUS))
+    ax.set(xlim=(places[0] - spacing / 2, places[-1] + spacing / 2), ylim=(-0.08, height + 2 * TARGET_RADIUS))
     ax.set_axis_off()
     return places
 
 
-@cache
-def _model() -> Any:
+@lru_cache(maxsize=16)
+def _model(person: Person | None) -> Any:
     """MuJoCo's model of the body."""
     import mujoco
 
-    return mujoco.MjModel.from_xml_path(str(files("envs.body") / "humanoid.xml"))
+    from envs.body.mjcf import mjcf
+
+    return mujoco.MjModel.from_xml_string(mjcf(person))
 
 
-def _pose(hip: float, ankle: float, foot_x: float) -> Any:
+def _pose(hip: float, ankle: float, foot_x: float, person: Person | None) -> Any:
     """MuJoCo's kinematics of the body with both feet flat on the ground, `foot_x` [m] ahead of their place in the MJCF.
 
     Pitch [rad] about +y: foot = HAT + hip + ankle. That of a flat foot is 0, which gives the HAT's; then the body is moved
@@ -192,7 +204,7 @@ def _pose(hip: float, ankle: float, foot_x: float) -> Any:
     """
     import mujoco
 
-    model = _model()
+    model = _model(person)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     place = data.body("foot" + NEAR).xpos[0] + foot_x
@@ -208,10 +220,10 @@ def _pose(hip: float, ankle: float, foot_x: float) -> Any:
     return data
 
 
-def _layers(hip: float, ankle: float, foot_x: float, shift: float) -> list[tuple[Outline, Outline]]:
+def _layers(hip: float, ankle: float, foot_x: float, shift: float, person: Person | None) -> list[tuple[Outline, Outline]]:
     """For each layer, in the order of WHITENESS: the outline that is filled, and the solids whose edges are drawn."""
-    parts = {part: list(found.values()) for part, found in solids(hip, ankle, foot_x).items()}
-    ankle_joint = joint_positions(hip, ankle, foot_x)[1]
+    parts = {part: list(found.values()) for part, found in solids(hip, ankle, foot_x, person).items()}
+    ankle_joint = joint_positions(hip, ankle, foot_x, person)[1]
     layers: tuple[tuple[list[Solid], list[Solid]], ...] = (
         (parts["trunk"], _trunk_links(parts)),
         (parts["head"], []),

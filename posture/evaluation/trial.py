@@ -21,7 +21,7 @@ from posture.analysis.table import evaluation_columns, markdown_table, text_tabl
 from posture.analysis.trajectory import Trajectory
 from posture.config.checks import check_engine
 from posture.config.errors import ConfigError
-from posture.config.eval import EnvChanges, EvaluationConfig, LqrConfig, SolverChanges, check_trial
+from posture.config.eval import BodyChanges, EnvChanges, EvaluationConfig, LqrConfig, SolverChanges, check_trial
 from posture.config.published import Table3, read_published
 from posture.config.reading import read
 from posture.config.train import TrainConfig
@@ -43,6 +43,7 @@ AS_TRAINED = EnvChanges(
     load=None,
     load_at=None,
     amplitude=None,
+    body=BodyChanges(mass=None, height=None, sex=None),
     physics=None,
     ramp=None,
     solver=SolverChanges(contact_bias=None),
@@ -53,7 +54,7 @@ FILES = (*RESULTS, "table.md", "trial.yaml")
 
 
 def evaluate_at(
-    freq: Sequence[float], ckpt: str = "pretrained", duration: float | None = None, **changes: float
+    freq: Sequence[float], ckpt: str = "pretrained", duration: float | None = None, **changes: Any
 ) -> tuple[list[Result], Trajectory]:
     """Evaluate one policy at the frequencies `freq` [Hz], in one batch, for use in a program: nothing is written or printed.
 
@@ -254,7 +255,7 @@ def origin(run: TrainConfig, changes: EnvChanges, name: str) -> Origin:
 def comparable_table_3(env: EnvConfig) -> Table3 | None:
     """Paper Table 3, if it was measured under the conditions of `env`."""
     table = read_published().table_3
-    return table if all(getattr(env, key) == value for key, value in table.condition) else None
+    return table if env.body is None and all(getattr(env, key) == value for key, value in table.condition) else None
 
 
 def trial_config(env: EnvConfig, evaluation: EvaluationConfig, changes: EnvChanges, device: str) -> EnvConfig:

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
+from envs.config import Person
 from posture.analysis.coordination import mode
 from posture.analysis.ramp import ramp_transition
 from posture.analysis.trajectory import Array
@@ -81,18 +82,24 @@ class TwoModesFilm(Film):
     hip and ankle angles over that cycle."""
 
     def __init__(
-        self, motions: Sequence[SampledTrial], cycles: Sequence[SampledTrial], width: int, target_height: float, reach: float
+        self,
+        motions: Sequence[SampledTrial],
+        cycles: Sequence[SampledTrial],
+        width: int,
+        reach: float,
+        person: Person | None = None,
     ) -> None:
         """`motions` at the frames of the film; `cycles` of the same standers at evenly spaced moments of a cycle, both ends
-        included. `width` [px] of a panel; `target_height` [m]; the targets move between 0 and `reach` [m]."""
+        included. `width` [px] of a panel; the targets move between 0 and `reach` [m]. `person`: whose body it is; None: the
+        paper's."""
         super().__init__(width, len(motions), HEIGHT_TWO_MODES, motions[0].time)
         self.panels: list[tuple[SampledTrial, StanderView, Text, Line2D, list[Line2D]]] = []
         with styled():
             for number, (motion, cycle) in enumerate(zip(motions, cycles, strict=True)):
-                self._add(number / len(motions), 1 / len(motions), motion, cycle, target_height, reach)
+                self._add(number / len(motions), 1 / len(motions), motion, cycle, reach, person)
 
     def _add(
-        self, left: float, share: float, motion: SampledTrial, cycle: SampledTrial, target_height: float, reach: float
+        self, left: float, share: float, motion: SampledTrial, cycle: SampledTrial, reach: float, person: Person | None
     ) -> None:
         """Add a panel that starts at `left` and is `share` wide, as shares of the figure."""
         fig, freq = self.figure, float(motion.freq[0])
@@ -104,12 +111,12 @@ class TwoModesFilm(Film):
             fig.add_artist(Line2D([left, left], [0.04, 0.96], color=GREY, lw=0.8, alpha=0.5))
         fig.text(left + 0.05 * share, 0.925, f"{freq:g} Hz", fontsize=LARGE, fontweight="bold")
         title = fig.text(left + 0.05 * share, 0.855, "", fontsize=LARGE, fontweight="bold")
-        view = StanderView(axes(0.01, 0.01, 0.38, 0.82), target_height, reach)
+        view = StanderView(axes(0.01, 0.01, 0.38, 0.82), reach, person)
         bodies, angles = axes(0.39, 0.42, 0.60, 0.41), axes(0.54, 0.12, 0.37, 0.24)
         at = np.round(PHASES * (len(cycle.time) - 1)).astype(int)
         places = draw_phases(
             bodies, cycle.hip[at], cycle.ankle[at], cycle.target_x[at], SPACING,
-            target_height=target_height, foot_x=cycle.foot_x[at],
+            foot_x=cycle.foot_x[at], person=person,
         )  # fmt: skip
         _plot_angles(angles, np.linspace(places[0], places[-1], len(cycle.time)), cycle)
         angles.set(xticks=places[[0, 2, 4]], xlim=places[[0, -1]])
@@ -138,8 +145,8 @@ class RampFilm(Film):
     running correlation against the momentary frequency."""
 
     def __init__(
-        self, motion: SampledTrial, trailing: Array, trace: SampledTrial, window: float, width: int, target_height: float,
-        reach: float, paper_hz: float,
+        self, motion: SampledTrial, trailing: Array, trace: SampledTrial, window: float, width: int, reach: float,
+        paper_hz: float, person: Person | None = None,
     ) -> None:  # fmt: skip
         """`motion` at the frames, with the centred correlation; `trailing` correlation at the frames, (F,); `trace`, like
         `motion` but at the control steps; `window` of the correlation [s]; `paper_hz`: frequency at which the paper's
@@ -148,7 +155,7 @@ class RampFilm(Film):
         self._motion, self._trailing, self._trace, self._half = motion, trailing, trace, window / 2
         with styled():
             fig = self.figure
-            self.view = StanderView(fig.add_axes((0.02, 0.37, 0.26, 0.61)), target_height, reach)
+            self.view = StanderView(fig.add_axes((0.02, 0.37, 0.26, 0.61)), reach, person)
             self._freq = fig.text(0.34, 0.92, "", fontsize=LARGE, fontweight="bold")
             self._clock = fig.text(0.02, 0.93, "", fontsize=MEDIUM)
             self._mode = fig.text(0.97, 0.92, "", fontsize=LARGE, fontweight="bold", ha="right")

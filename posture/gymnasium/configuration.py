@@ -6,9 +6,11 @@ from typing import Any
 
 from hydra.errors import HydraException
 
+from envs.config import Person
 from posture.cli import entry, jobs
 from posture.config.errors import ConfigError
 from posture.config.gymnasium import GymnasiumConfig
+from posture.config.reading import read
 
 
 def configure(num_envs: int, env: str, training_steps: int | None, keys: Mapping[str, Any]) -> GymnasiumConfig:
@@ -22,13 +24,20 @@ def configure(num_envs: int, env: str, training_steps: int | None, keys: Mapping
         raise ValueError(f"env = {env!r:.100}: allowed is the name of a file of conf/env, such as 'head_tracking'")
     values = {"env": {**keys, "num_envs": num_envs}, "training_steps": training_steps}
     try:
-        config = jobs.compose("gymnasium", GymnasiumConfig, f"env={env}", values=values)
+        config = jobs.compose("gymnasium", GymnasiumConfig, f"env={env}", *_body(keys.get("body")), values=values)
     except (ConfigError, HydraException) as error:
         raise ValueError(entry.one_line(error)) from None
     for key, reason in config.env.without_effect().items():
         if _is_given(keys, key):
             raise ValueError(f"{key}: has no effect {reason}")
     return config
+
+
+def _body(body: Any) -> list[str]:
+    """Overrides that choose the `body` of a person, so that the joints are scaled to it. Raises ConfigError."""
+    if not isinstance(body, Mapping):
+        return []
+    return ["env/body=anthropometric", *(f"env.body.{key}={value}" for key, value in read(Person, body, "env.body"))]
 
 
 def _is_given(keys: Mapping[str, Any], dotted: str) -> bool:

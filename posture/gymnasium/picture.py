@@ -5,7 +5,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from posture.config.published import read_published
+from envs.config import Person
 from posture.drawing.style import styled
 from posture.drawing.view import StanderView
 
@@ -20,13 +20,13 @@ RENDER_MODES = ["rgb_array"]
 class Picture:
     """Draws one pose after the other."""
 
-    def __init__(self, reach: float) -> None:
-        """The target moves between 0 and `reach` [m]."""
+    def __init__(self, reach: float, person: Person | None) -> None:
+        """The target moves between 0 and `reach` [m]. `person`: whose body it is; None: the paper's."""
         with styled():
             # 0.01 px more: the canvas truncates sizes to whole pixels.
             figure = Figure(figsize=((WIDTH + 0.01) / DPI, (HEIGHT + 0.01) / DPI), dpi=DPI)
             self._canvas = FigureCanvasAgg(figure)
-            self._view = StanderView(figure.add_axes((0, 0, 1, 1)), read_published().table_1.target_height_m, reach)
+            self._view = StanderView(figure.add_axes((0, 0, 1, 1)), reach, person)
 
     def draw(self, hip: float, ankle: float, foot_x: float, head_x: float, target_x: float) -> Frame:
         """The pose of these joint angles [rad] and places [m], as in `StanderView.show`. (height, width, 3)."""

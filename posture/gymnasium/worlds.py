@@ -66,7 +66,7 @@ class Worlds(HeadTrackingEnv):
 
     def picture(self, world: int) -> Frame:
         """The stander from the side, (height, width, 3) uint8."""
-        self._picture = self._picture or Picture(2 * self.config.amplitude)
+        self._picture = self._picture or Picture(2 * self.config.amplitude, self.config.body)
         state = self.state
         foot_x = (state.foot_pose[..., 0] - self.episodes.foot_start[..., 0]).mean(-1)
         hip, ankle = (state.joint_angle[:, kind].mean(-1) for kind in (HIPS, ANKLES))

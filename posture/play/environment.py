@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import astuple, dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -11,8 +12,8 @@ import torch
 
 from envs.body.joints import ANKLES, BODIES, HIPS, JOINTS
 from envs.body.load import TrunkOfModel
-from envs.body.model import MJCF
-from envs.config import EnvConfig
+from envs.body.mjcf import mjcf
+from envs.config import EnvConfig, Person
 from envs.task.head_tracking import HeadTrackingEnv
 
 EPISODE_STEPS = 10_000_000
@@ -21,7 +22,8 @@ EPISODE_STEPS = 10_000_000
 
 @dataclass(frozen=True)
 class Settings:
-    """freq [Hz] of the target; hip_k, ankle_k [Nm/rad per joint]; load [kg]; amplitude [m]; tolerance [m] of the head."""
+    """freq [Hz] of the target; hip_k, ankle_k [Nm/rad per joint]; load [kg]; amplitude [m]; tolerance [m] of the head; body:
+    of a person; None: the paper's."""
 
     freq: float
     hip_k: float
@@ -29,13 +31,14 @@ class Settings:
     load: float
     amplitude: float
     tolerance: float
+    body: Person | None
 
     def apply_to(self, config: EnvConfig) -> EnvConfig:
-        """`config` with the body and the amplitude of these settings."""
+        """`config`, which has their body, with the stiffness, load and amplitude of these settings."""
         return config.model_copy(update={name: getattr(self, name) for name in ("hip_k", "ankle_k", "load", "amplitude")})
 
     @property
-    def without_freq(self) -> tuple[float, ...]:
+    def without_freq(self) -> tuple[Any, ...]:
         """All settings but the frequency. The least cost as a function of frequency depends on them."""
         return astuple(self)[1:]
 
@@ -57,7 +60,7 @@ class PlayEnv(HeadTrackingEnv):
         self._pusher = Pusher(config)
 
     def apply(self, settings: Settings) -> None:
-        """Use the body and the target of `settings` from the next step on."""
+        """Use stiffness, load and target of `settings` from the next step on."""
         self.episodes.retarget(*(torch.full((1,), value).double() for value in (settings.freq, settings.amplitude)))
         self.episodes.tolerance.fill_(settings.tolerance)
         for name in ("hip_k", "ankle_k", "load"):
@@ -85,11 +88,11 @@ class Pusher:
 
     The engine takes joint torques and ground forces only. A force F over a control step dt changes the generalised
     velocities by M^-1 J' F dt, which is added before the step. The mass matrix M and the Jacobian J of the HAT's centre of
-    mass are MuJoCo's, for the body file that the engine is built from.
+    mass are MuJoCo's, for the MJCF that the engine is built from.
     """
 
     def __init__(self, config: EnvConfig) -> None:
-        self._model = mujoco.MjModel.from_xml_path(str(MJCF))
+        self._model = mujoco.MjModel.from_xml_string(mjcf(config.body))
         self._dofs = [self._model.joint(name).dofadr[0] for name in JOINTS]
         self._hat = self._model.body(BODIES[0]).id
         self._trunk = TrunkOfModel(self._model, config)

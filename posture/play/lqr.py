@@ -8,6 +8,8 @@ torque is that of the motion in use.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import torch
 
@@ -39,7 +41,7 @@ class ReplanningLqr:
     def __init__(self, config: LqrConfig, worker: TheoryWorker, body: Segments) -> None:
         self.message = ""
         self._config, self._request, self._body = config, TheoryRequest(worker, plan), body
-        self._planned_for: tuple[float, ...] = ()
+        self._planned_for: tuple[Any, ...] = ()
         self.reset()
 
     def reset(self) -> None:

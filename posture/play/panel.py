@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, get_args
 
 import viser
 
-from posture.config.play import SETTINGS, PlayConfig
+from envs.config import Person, Sex
+from posture.config.play import MEASURES, SETTINGS, PlayConfig
 from posture.play.session import Session
+
+PAPER = "the paper's"
+"""The body that no person's measures apply to, in the list of bodies."""
 
 
 class Panel:
@@ -25,6 +29,7 @@ class Panel:
         self._on_input(self._policy, self._choose_policy)
         self._shown = {name: self._slider_value(name) for name in SETTINGS}
         self._sliders = {name: self._add_slider(gui, name) for name in SETTINGS}
+        self._add_body(gui)
         ramp = f"by {config.ramp_rate:g} Hz/s; press again to stop"
         for label, hint, action in (
             ("ramp up", f"raise the frequency {ramp}", lambda: session.ramp(1)),
@@ -45,8 +50,13 @@ class Panel:
         A slider that the user just moved differs from its setting until its action is carried out; it must not be moved
         back. Therefore the comparison is with the value last shown.
         """
+        if self._shown_body != self._session.body:
+            self._show_body()
         for name, slider in self._sliders.items():
             value = self._slider_value(name)
+            low, high, _ = self._session.slider(name)
+            if (slider.min, slider.max) != (low, high):
+                slider.min, slider.max = low, high
             if self._shown[name] != value:
                 self._shown[name] = value
                 slider.value = value  # type: ignore[misc]  # viser's type stubs omit the setter
@@ -68,10 +78,11 @@ class Panel:
         gui.add_button(label, hint=hint).on_click(clicked)
 
     def _add_slider(self, gui: viser.GuiApi, name: str) -> viser.GuiSliderHandle[float]:
-        low, high, step = getattr(self._config.sliders, name)
+        low, high, step = self._session.slider(name)
         slider = gui.add_slider(SETTINGS[name], low, high, step, self._slider_value(name))
 
         def change(value: float) -> None:
+            low, high, _ = self._session.slider(name)
             self._session.set(**{name: min(max(float(value), low), high)})
             # A value out of range may have been typed; `refresh` corrects it.
             self._shown[name] = value
@@ -80,9 +91,40 @@ class Panel:
         return slider
 
     def _slider_value(self, name: str) -> float:
-        low, high, step = getattr(self._config.sliders, name)
+        low, high, step = self._session.slider(name)
         value = getattr(self._session.settings, name)
         return float(min(high, low + step * round((value - low) / step)))
+
+    def _add_body(self, gui: viser.GuiApi) -> None:
+        """A list with the paper's body and the two sexes, and sliders of a person's mass and height."""
+        self._sex = gui.add_dropdown("body", (PAPER, *get_args(Sex)), hint="or that of a person, by mass and height")
+        self._measures = {}
+        for name, label in MEASURES.items():
+            low, high, step = getattr(self._config.sliders, name)
+            middle = low + step * round((high - low) / step / 2)
+            self._measures[name] = gui.add_slider(label, low, high, step, middle)
+        self._show_body()
+        for handle in (self._sex, *self._measures.values()):
+            self._on_input(handle, lambda _: self._choose_body())
+
+    def _choose_body(self) -> None:
+        """Pass the body that the page shows to the session."""
+        ends = {name: getattr(self._config.sliders, name)[:2] for name in MEASURES}
+        measures = {name: min(max(float(self._measures[name].value), low), high) for name, (low, high) in ends.items()}
+        sex = self._sex.value
+        self._session.set_body(None if sex == PAPER else Person(**measures, sex=sex))
+        self._show_body()
+
+    def _show_body(self) -> None:
+        """Show the session's body."""
+        self._shown_body = body = self._session.body
+        sex = PAPER if body is None else body.sex
+        if self._sex.value != sex:
+            self._sex.value = sex  # type: ignore[misc]  # as above
+        for name, slider in self._measures.items():
+            slider.disabled = body is None
+            if body is not None and slider.value != getattr(body, name):
+                slider.value = getattr(body, name)  # type: ignore[misc]  # as above
 
     def _choose_policy(self, name: str) -> None:
         try:

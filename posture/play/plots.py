@@ -56,8 +56,7 @@ class Plots:
             gui, "cost (black) and least cost (grey)", [_points(GREY), _points(BLACK)], long_ago, (0.0, COST_ENDS[0])
         )
         title = "centre of pressure between heel and toe [mm]"
-        foot = 1e3 * sole[0] - 10.0, 1e3 * sole[1] + 10.0
-        self.pressure = _chart(gui, title, [_line(GREY), _line(GREY), _points(ORANGE)], ago, foot)
+        self.pressure = _chart(gui, title, [_line(GREY), _line(GREY), _points(ORANGE)], ago, _around(sole))
         self._past: list[tuple[float, float, float, float]] = []  # time, correlation, cost, least cost
 
     def refresh(self, session: Session) -> None:
@@ -74,6 +73,8 @@ class Plots:
         ago = signals["time"] - session.time
         self.angles.data = _data(ago, np.degrees(signals["hip"]), np.degrees(signals["ankle"]))
         heel, toe = (np.full(len(ago), end) for end in session.sole)
+        if self.pressure.scales != (foot := _scales((-SHORT_S, 0.0), _around(session.sole))):  # another body
+            self.pressure.scales = foot
         self.pressure.data = _data(ago, *(1e3 * values for values in (heel, toe, signals["cop"])))
         if not self._past or session.time > self._past[-1][0]:  # not paused
             least_cost = math.nan if theory is None else theory.at(measures.freq)
@@ -143,6 +144,11 @@ def trail(points: list[TrailPoint], transition: float | None) -> tuple[Array, ..
     rows = [(p.freq, *(p.r if p.direction == way else math.nan for way in DIRECTIONS), math.nan) for p in points]
     table = np.array([*rows, *ends]).reshape(-1, 5)
     return _data(*table[np.argsort(table[:, 0], kind="stable")].T)
+
+
+def _around(sole: tuple[float, float]) -> tuple[float, float]:
+    """Range of the chart of the centre of pressure [mm], from the ends of the sole [m]."""
+    return 1e3 * sole[0] - 10.0, 1e3 * sole[1] + 10.0
 
 
 def _data(*columns: Array) -> tuple[Array, ...]:

@@ -61,7 +61,7 @@ class PolicyChoice:
         )
         met |= {name: bounds for name, bounds in env.ranges.given.items() if name in SETTINGS}
         margin = 1e-6  # sliders round
-        return [
+        return ["body"] * (settings.body != env.body) + [
             name
             for name, values in met.items()
             if values and not min(values) - margin <= getattr(settings, name) <= max(values) + margin

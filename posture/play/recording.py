@@ -14,7 +14,6 @@ import viser
 from envs.body.segments import read_segments
 from posture.config.errors import RunError
 from posture.config.play import PlayConfig
-from posture.config.published import read_published
 from posture.drawing.style import MODE_COLOUR
 from posture.play.measures import Measures
 from posture.play.policies import policy_choices
@@ -54,7 +53,7 @@ def record_ramp(session: Session, server: viser.ViserServer, config: PlayConfig)
     """The page as HTML. Raises RunError if the stander falls."""
     low, high = config.recording.freq
     aim_camera(server.initial_camera)
-    scene = Scene(server.scene, session.sole, read_published().table_1.target_height_m)
+    scene = Scene(server.scene, session.sole, session.settings.body)
     session.set(freq=low)
     # The first window is not recorded: the mode is undefined until it is full.
     while session.measures().mode == "undefined" and session.time < MAX_START_S:

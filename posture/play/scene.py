@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import mujoco
@@ -12,8 +12,10 @@ import viser
 from matplotlib.colors import to_rgb
 
 from envs.body.joints import BODIES
-from envs.body.model import MJCF
+from envs.body.mjcf import mjcf
+from envs.config import Person
 from posture.analysis.trajectory import Array
+from posture.drawing.silhouette import target_height
 from posture.drawing.style import FALL_COLOUR, MODE_COLOUR, ORANGE, RED
 from posture.play.session import State
 
@@ -39,8 +41,12 @@ class Shape(NamedTuple):
 class Scene:
     """Draws states into `scene`, of a server or of one of its clients."""
 
-    def __init__(self, scene: viser.SceneApi, sole: tuple[float, float], target_height: float) -> None:
-        """`sole`: its ends in the foot frame [m]. `target_height` [m]: paper Table 1."""
+    def __init__(self, scene: viser.SceneApi, sole: tuple[float, float], person: Person | None) -> None:
+        """`sole`: its ends in the foot frame [m]. `person`: whose body it is; None: the paper's. What a scene of another
+        body has drawn into `scene` is replaced."""
+        self.person, target = person, target_height(person)
+        model, data = _upright(person)
+        head, head_height = float(model.geom("head").pos[2]), float(data.geom("head").xpos[2])
         scene.set_up_direction("+z")
         scene.configure_default_lights(enabled=True, cast_shadow=False)  # shadows are slow without a GPU
         scene.add_grid(
@@ -55,23 +61,26 @@ class Scene:
         self._parts = {}
         for part in PARTS:
             self._parts[part] = scene.add_frame(f"/{part}", show_axes=False)
-            for i, shape in enumerate(_shapes()[part]):
+            for i, shape in enumerate(_shapes(person)[part]):
                 scene.add_mesh_simple(f"/{part}/{i}", shape.vertices, shape.faces, color=shape.colour)
         self._load = scene.add_icosphere("/hat/load", 1.0, LOAD_COLOUR, visible=False)
         # Across the head at its centre, visible against the tolerance band.
-        pin = trimesh.creation.cylinder(0.006, segment=[[0, -0.19, 0.19], [0, 0.19, 0.19]], sections=8)
+        pin = trimesh.creation.cylinder(0.006, segment=[[0, -0.19, head], [0, 0.19, head]], sections=8)
         scene.add_mesh_simple("/hat/pin", pin.vertices, pin.faces, color=(20, 20, 20))
         self._target = scene.add_frame("/target", show_axes=False)
-        scene.add_icosphere("/target/ball", TARGET_RADIUS, rgb(ORANGE), position=(0.0, 0.0, target_height))
-        line = [[[0.0, 0.0, 1.42], [0.0, 0.0, target_height]]]
+        scene.add_icosphere("/target/ball", TARGET_RADIUS, rgb(ORANGE), position=(0.0, 0.0, target))
+        line = [[[0.0, 0.0, head_height - 0.06], [0.0, 0.0, target]]]
         scene.add_line_segments("/target/line", np.array(line), rgb(ORANGE), thickness=2.0, thickness_units="screen")
-        self._band = scene.add_box("/target/band", rgb(ORANGE), (1.0, 0.36, 0.3), opacity=0.35, position=(0.0, 0.0, 1.46))
+        at = 0.0, 0.0, head_height - 0.02
+        self._band = scene.add_box("/target/band", rgb(ORANGE), (1.0, 0.36, 0.3), opacity=0.35, position=at)
         self._foot_middle = (sole[0] + sole[1]) / 2
         self._plate = scene.add_box("/plate", rgb(MODE_COLOUR["undefined"]), (0.5, 0.6, 0.004), opacity=0.6)
         self._force = scene.add_arrows(
             "/force", np.zeros((2, 2, 3)), rgb(FALL_COLOUR), shaft_radius=0.008, head_radius=0.022, head_length=0.05
         )
-        self._label = scene.add_label("/label", "", position=(0.1, 0.0, 1.9), anchor="bottom-center", font_screen_scale=1.6)
+        self._label = scene.add_label(
+            "/label", "", position=(0.1, 0.0, target + 0.2), anchor="bottom-center", font_screen_scale=1.6
+        )
         self._shown: dict[str, object] = {}
 
     def show(self, state: State, tolerance: float, load: float, load_at: tuple[float, float] | None) -> None:
@@ -92,7 +101,7 @@ class Scene:
             self._band.color = rgb(RED if outside else ORANGE)
         if self._changed("load", (load, load_at)):
             self._load.visible = load > 0
-            x, z = load_at or tuple(_upright()[0].body("hat").ipos[[0, 2]])
+            x, z = load_at or tuple(_upright(self.person)[0].body("hat").ipos[[0, 2]])
             self._load.position = (x, -0.16, z)  # beside the trunk, where it is seen
             self._load.scale = max(1e-3, (3 * load / (4 * np.pi * LEAD_DENSITY)) ** (1 / 3))  # a sphere of lead
 
@@ -121,19 +130,19 @@ def rgb(colour: str) -> tuple[int, int, int]:
     return r, g, b
 
 
-@cache
-def _upright() -> tuple[Any, Any]:
+@lru_cache(maxsize=4)
+def _upright(person: Person | None) -> tuple[Any, Any]:
     """MuJoCo's model of the body, and its data standing upright."""
-    model = mujoco.MjModel.from_xml_path(str(MJCF))
+    model = mujoco.MjModel.from_xml_string(mjcf(person))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     return model, data
 
 
-@cache
-def _shapes() -> dict[str, list[Shape]]:
+@lru_cache(maxsize=4)
+def _shapes(person: Person | None) -> dict[str, list[Shape]]:
     """The solids of each part, one mesh per colour."""
-    model, data = _upright()
+    model, data = _upright(person)
     shapes = {}
     for part, bodies in PARTS.items():
         origin = data.body(bodies[0]).xpos
@@ -147,9 +156,9 @@ def _shapes() -> dict[str, list[Shape]]:
             arm = "arm" in geom.name or "hand" in geom.name
             meshes.setdefault(LIMB_COLOUR if arm or part != "hat" else BODY_COLOUR, []).append(mesh)
         if part == "hat":
-            meshes[BODY_COLOUR].append(_trunk(meshes[BODY_COLOUR]))
+            meshes[BODY_COLOUR].append(_trunk(meshes[BODY_COLOUR], model.geom("head")))
         if part == "leg":
-            meshes[LIMB_COLOUR] += _knees(meshes[LIMB_COLOUR])
+            meshes[LIMB_COLOUR] += _knees(meshes[LIMB_COLOUR], model)
         joined = {colour: trimesh.util.concatenate(of_colour) for colour, of_colour in meshes.items()}
         shapes[part] = [Shape(mesh.vertices, mesh.faces, colour) for colour, mesh in joined.items()]
     return shapes
@@ -168,21 +177,24 @@ def _mesh(geom: Any, pose: Any) -> trimesh.Trimesh:
     return mesh
 
 
-def _trunk(solids: list[trimesh.Trimesh]) -> trimesh.Trimesh:
+def _trunk(solids: list[trimesh.Trimesh], head: Any) -> trimesh.Trimesh:
     """Hulls that fill the gaps between neighbours along the midline, and a neck; drawn only, without mass."""
-    trunk = sorted((mesh for mesh in solids if mesh.bounds[:, 2].max() < 0.15), key=lambda mesh: mesh.centroid[2])
+    height, radius = float(head.pos[2]), float(head.size[0])
+    trunk = sorted((mesh for mesh in solids if mesh.bounds[:, 2].max() < height), key=lambda mesh: mesh.centroid[2])
     hulls = [trimesh.convex.convex_hull(np.vstack([a.vertices, b.vertices])) for a, b in zip(trunk, trunk[1:], strict=False)]
-    neck = trimesh.creation.cylinder(0.045, segment=[[0, 0, 0.03], [0, 0, 0.15]], sections=16)
+    neck = trimesh.creation.cylinder(0.5 * radius, segment=[[0, 0, 0.03], [0, 0, height]], sections=16)
     return trimesh.util.concatenate([*hulls, neck])
 
 
-def _knees(solids: list[trimesh.Trimesh]) -> list[trimesh.Trimesh]:
+def _knees(solids: list[trimesh.Trimesh], model: Any) -> list[trimesh.Trimesh]:
     """Hulls that fill the gap between thigh and shin of the rigid legs; drawn only, without mass."""
     filled = []
+    # In the left leg's frame, whose origin is the hip joint.
+    midplane = -float(model.body("leg_left").pos[1])
+    below, above = (0.92 * float(model.geom(name).size[0]) for name in ("thigh_left", "shin_left"))
     for side in (1.0, -1.0):
-        # In the left leg's frame the plane between the legs is y = -0.1 m.
-        thigh, shin = sorted((m for m in solids if (m.centroid[1] + 0.1) * side > 0), key=lambda m: -m.centroid[2])
-        low = thigh.vertices[thigh.vertices[:, 2] < thigh.bounds[0, 2] + 0.055]
-        high = shin.vertices[shin.vertices[:, 2] > shin.bounds[1, 2] - 0.045]
+        thigh, shin = sorted((m for m in solids if (m.centroid[1] - midplane) * side > 0), key=lambda m: -m.centroid[2])
+        low = thigh.vertices[thigh.vertices[:, 2] < thigh.bounds[0, 2] + below]
+        high = shin.vertices[shin.vertices[:, 2] > shin.bounds[1, 2] - above]
         filled.append(trimesh.convex.convex_hull(np.vstack([low, high])))
     return filled

@@ -20,7 +20,6 @@ import viser
 from envs.body.segments import read_segments
 from posture.config.errors import ConfigError
 from posture.config.play import PlayConfig
-from posture.config.published import read_published
 from posture.play.address import HOST, port_in_use
 from posture.play.panel import Panel
 from posture.play.plots import Plots
@@ -71,6 +70,7 @@ class Server:
 
     def __init__(self, config: PlayConfig, policies: list[PolicyChoice], worker: TheoryWorker) -> None:
         torch.set_num_threads(1)
+        config.body.apply_to(policies[0].env.body)  # reports a part that is missing before a visitor comes
         self._config = config
         self._make_session = partial(Session, config, policies, read_segments(policies[0].env), worker)
         self.visitors: dict[int, Visitor] = {}
@@ -188,7 +188,7 @@ class Visitor(threading.Thread):
         gui.main_panel.dock_right()
         gui.main_panel.set_width(310)
         aim_camera(client.camera)
-        self._scene = Scene(client.scene, session.sole, read_published().table_1.target_height_m)
+        self._scene = Scene(client.scene, session.sole, session.settings.body)
 
     def _show_error(self, title: str, text: str) -> None:
         self._client.add_notification(title, text, color="red")
@@ -224,6 +224,8 @@ class Visitor(threading.Thread):
     def _draw_scene(self, session: Session) -> None:
         with self._client.atomic():
             settings = session.settings
+            if self._scene.person != settings.body:
+                self._scene = Scene(self._client.scene, session.sole, settings.body)
             self._scene.show(session.state, settings.tolerance, settings.load, session.load_at)
         self.frames += 1
 

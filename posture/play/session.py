@@ -11,9 +11,11 @@ import numpy as np
 import torch
 
 from envs.body.joints import ANKLES, BODIES, HIPS
-from envs.body.segments import Segments
+from envs.body.segments import Segments, read_segments
+from envs.config import EnvConfig, Person
 from posture.analysis.trajectory import Array
-from posture.config.play import SETTINGS, PlayConfig
+from posture.config.body import factor, with_body
+from posture.config.play import SETTINGS, STIFFNESS, PlayConfig
 from posture.evaluation.rollout import MIN_LOAD_N
 from posture.play.environment import PlayEnv, Settings
 from posture.play.measures import History, Measures, Trail, measure
@@ -55,21 +57,26 @@ class Session:
     _controller: Controller
 
     def __init__(self, config: PlayConfig, policies: Sequence[PolicyChoice], body: Segments, worker: TheoryWorker) -> None:
-        """Start with the first of `policies`. Raises ConfigError if it cannot be loaded."""
-        self._config, self._policies, self._body, self._worker = config, {p.name: p for p in policies}, body, worker
-        self._ranges = {name: getattr(config.sliders, name) for name in SETTINGS}
-        given = {name: getattr(config, name) for name in SETTINGS if getattr(config, name) is not None}
-        self.settings = replace(self._settings_of(policies[0], config.freq), **given)
+        """Start with the first of `policies`, for whose body `body` are the segments. Raises ConfigError if it cannot be
+        loaded."""
+        self._config, self._policies, self._worker = config, {p.name: p for p in policies}, worker
+        self._segments = policies[0].env.body, body
+        given: dict[str, Any] = {name: getattr(config, name) for name in SETTINGS if getattr(config, name) is not None}
+        own = self._settings_of(policies[0], config.freq)
+        self.settings = replace(self._with_body(own, config.body.apply_to(own.body)), **given)
+        self._asked_body = self.settings.body
         self._theory = TheoryRequest(worker, least_cost)
         self.paused, self.falls, self.time, self.push_force = False, 0, 0.0, config.push.force
         self._use(policies[0])
-        slowest = math.ceil(1 / (self._ranges["freq"][0] * self.dt))
+        slowest = math.ceil(1 / (config.sliders.freq[0] * self.dt))
         self.history = History(2 * max(config.window_steps, slowest))
         self.reset()
 
     @torch.no_grad()
     def step(self) -> None:
         """Advance by one control step, unless paused. After a fall the stander lies for a while, then it is reset."""
+        if self._asked_body != self.settings.body:
+            self._change_body()
         if self.paused:
             return
         self.time += self.dt
@@ -95,12 +102,26 @@ class Session:
     def set(self, **values: float) -> None:
         """Change settings; the target's phase is kept. Raises ValueError outside the range of a slider."""
         for name, value in values.items():
-            low, high, _ = self._ranges[name]
+            low, high, _ = self.slider(name)
             if not low <= value <= high:
                 raise ValueError(f"{name} = {value:g}: allowed is {low:g}..{high:g}")
         if "freq" in values:
             self.ramping = 0
-        self.settings = replace(self.settings, **values)
+        changes: dict[str, Any] = values
+        self.settings = replace(self.settings, **changes)
+
+    def set_body(self, body: Person | None) -> None:
+        """Have another body from the next step on, upright and at rest, with joints scaled to it; None: the paper's."""
+        self._asked_body = body
+
+    @property
+    def body(self) -> Person | None:
+        """The body from the next step on."""
+        return self._asked_body
+
+    def slider(self, name: str) -> tuple[float, float, float]:
+        """From, to and step of the slider of a setting, with the present body."""
+        return self._config.sliders.for_body(name, self.settings.body)
 
     def ramp(self, direction: int) -> None:
         """Raise (1) or lower (-1) the frequency at `ramp_rate` up to the end of its slider; the same again stops it."""
@@ -122,17 +143,22 @@ class Session:
 
     @torch.no_grad()
     def choose(self, name: str) -> None:
-        """Continue with another policy, from the present state and with the body that the policy was made for.
+        """Continue with another policy, with the body that the policy was made for, and from the present state if it is the
+        present body.
 
         Raises ConfigError if it cannot be loaded; then nothing changes.
         """
         previous_env, before, choice = self._env, self.__dict__.copy(), self._policies[name]
         self.settings = self._settings_of(choice, self.settings.freq)
+        self._asked_body = self.settings.body
         try:
             self._use(choice)
         except Exception:
             self.__dict__.update(before)
             raise
+        if before["settings"].body != self.settings.body:
+            self.reset()
+            return
         self._env.load_state_dict(previous_env.state_dict())
         self._env.apply(self.settings)
 
@@ -160,7 +186,7 @@ class Session:
     def message(self) -> str:
         """The controller's message, or which settings the policy was not trained on; empty if there is nothing to say."""
         names = self._policies[self.policy].not_trained_on(self.settings)
-        unmet = ", ".join(SETTINGS[name].partition(" [")[0] for name in names)
+        unmet = ", ".join(SETTINGS.get(name, name).partition(" [")[0] for name in names)
         return self._controller.message or (f"outside what this policy was trained on: {unmet}" if names else "")
 
     @property
@@ -175,10 +201,10 @@ class Session:
 
     def theory(self) -> LeastCost | None:
         """The torque-optimal stander with these settings; None while it is being computed."""
-        low, high, _ = self._ranges["freq"]
+        low, high, _ = self._config.sliders.freq
         freqs = np.linspace(low, high, self._config.theory_freqs)
         env, tolerance = self.settings.apply_to(self._env.config), self.settings.tolerance
-        if not self._theory.ready(self.settings.without_freq, self._body, env, tolerance, freqs):
+        if not self._theory.ready(self.settings.without_freq, self._segments[1], env, tolerance, freqs):
             return None
         if isinstance(self._theory.result, Exception):
             raise self._theory.result
@@ -189,17 +215,41 @@ class Session:
         values: dict[str, Any] = {name: getattr(choice.env, name) for name in ("hip_k", "ankle_k", "load", "amplitude")}
         trained = choice.run.env.head_tolerance if choice.run else None
         values["tolerance"] = self._config.evaluation.tolerance if trained is None else trained
-        return Settings(freq, **{name: float(np.clip(value, *self._ranges[name][:2])) for name, value in values.items()})
+        return self._within_sliders(Settings(freq, **values, body=choice.env.body))
 
-    def _use(self, choice: PolicyChoice) -> None:
-        self._env = PlayEnv(choice.env, self.settings)
-        self._controller = choice.load(self._config.lqr, self._worker, self._body)
+    def _within_sliders(self, settings: Settings) -> Settings:
+        """`settings` with each value but the frequency within the range of its slider."""
+        ranges = {name: self._config.sliders.for_body(name, settings.body)[:2] for name in SETTINGS if name != "freq"}
+        values: dict[str, Any] = {name: float(np.clip(getattr(settings, name), *ends)) for name, ends in ranges.items()}
+        return replace(settings, **values)
+
+    def _with_body(self, settings: Settings, body: Person | None) -> Settings:
+        """`settings` with another body, and stiffness scaled to it."""
+        if body == settings.body:
+            return settings
+        ratio = {name: factor(name, body) / factor(name, settings.body) for name in STIFFNESS}
+        scaled: dict[str, Any] = {name: getattr(settings, name) * ratio[name] for name in STIFFNESS}
+        return self._within_sliders(replace(settings, **scaled, body=body))
+
+    def _change_body(self) -> None:
+        self.settings = self._with_body(self.settings, self._asked_body)
+        choice, controller = self._policies[self.policy], self._controller
+        self._use(choice, None if choice.model is None else controller)
+        self.reset()
+
+    def _use(self, choice: PolicyChoice, controller: Controller | None = None) -> None:
+        """Make the environment of `choice`, with the body of the settings, and its controller, unless that is given."""
+        env = EnvConfig.model_validate(with_body(choice.env, self.settings.body))
+        if self._segments[0] != env.body:
+            self._segments = env.body, read_segments(env)
+        self._env = PlayEnv(env, self.settings)
+        self._controller = controller or choice.load(self._config.lqr, self._worker, self._segments[1])
         self.policy = choice.name
 
     def _advance_ramp(self) -> None:
         if not self.ramping:
             return
-        low, high, _ = self._ranges["freq"]
+        low, high, _ = self._config.sliders.freq
         freq = self.settings.freq + self.ramping * self._config.ramp_rate * self.dt
         self.settings = replace(self.settings, freq=min(max(freq, low), high))
         if not low < freq < high:

@@ -13,7 +13,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from envs.body.model import MJCF
+from envs.body.mjcf import mjcf
 from envs.body.segments import read_segments
 from envs.config import EnvConfig, Ramp
 from posture.analysis.results import NO_REWARD, Result, RewardOptimum, read_csv
@@ -97,8 +97,8 @@ def theory_transitions(run: TrainConfig, search: tuple[float, float]) -> Transit
 
 
 def read_body(env: EnvConfig) -> Body:
-    """Read the body from its MJCF file."""
-    model = mujoco.MjModel.from_xml_path(str(MJCF))
+    """Read the body from its MJCF."""
+    model = mujoco.MjModel.from_xml_string(mjcf(env.body))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     hip, ankle = (np.degrees(model.joint(f"{name}_left").range) for name in ("hip", "ankle"))

@@ -86,9 +86,10 @@ def _from_7(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _from_8(values: dict[str, Any]) -> dict[str, Any]:
-    """Policies observed the true values at once, and torque was the command."""
+    """Everyone had the paper's body, policies observed the true values at once, and torque was the command."""
     with contextlib.suppress(KeyError, TypeError, AttributeError):  # as above
         sensing = {"delay": 0.0, "noise": {}, "drift_time": 10.0, "history": 0, "history_step": 2, "exact": []}
+        values["env"].setdefault("body", None)
         values["env"].setdefault("sensing", sensing)
         values["env"].setdefault("actuation", {"time_constant": 0.0, "noise": 0.0})
     return values

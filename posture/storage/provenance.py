@@ -103,7 +103,8 @@ def digests(folder: Path, names: Sequence[str]) -> dict[str, dict[str, str]]:
 
 def source_files(packages: Sequence[str]) -> list[Path]:
     """Source files and body models of `packages`, without those that only show results."""
-    found = [path for package in packages for path in (ROOT / package).rglob("*") if path.suffix in (".py", ".xml")]
+    kinds = (".py", ".xml", ".yaml")
+    found = [path for package in packages for path in (ROOT / package).rglob("*") if path.suffix in kinds]
     return sorted(path for path in found if path.name not in PRESENTATION)
 
 

@@ -76,16 +76,17 @@ def _draw_plane(ax: Axes, body: Segments, config: TheoryConfig, rows: Sequence[M
     found = [row.transitions for row in rows]
     ax.plot([row.hip_k_nm_per_rad for row in found], [row.least_transition_hz for row in found], **_LEAST)
     published = read_published()
-    ax.plot(
-        published.table_3.condition.hip_k,
-        published.experiment_4a.transition_hz,
-        "*",
-        ms=11,
-        color="gold",
-        mec="black",
-        ls="none",
-        label="paper, Exp. 4a (load 0)",
-    )
+    if env.body is None:
+        ax.plot(
+            published.table_3.condition.hip_k,
+            published.experiment_4a.transition_hz,
+            "*",
+            ms=11,
+            color="gold",
+            mec="black",
+            ls="none",
+            label="paper, Exp. 4a (load 0)",
+        )
     corner = (min(figure.hip_k), figure.freq[0])
     width, height = max(figure.hip_k) - min(figure.hip_k), figure.freq[1] - figure.freq[0]
     ax.add_patch(Rectangle(corner, width, height, fill=False, ls=":", label="plane of paper Fig. 13"))

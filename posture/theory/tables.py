@@ -252,7 +252,7 @@ def _paper_modes(
 ) -> dict[float, str]:
     """The paper's mode at each value; none where the stander differs from the paper's in more than the keys `swept`."""
     condition = read_published().table_3.condition
-    if any(getattr(config.env, key) != value for key, value in condition if key not in swept):
+    if config.env.body is not None or any(getattr(config.env, key) != value for key, value in condition if key not in swept):
         return {}
     return {value: f"{mode}-phase" for value, mode in zip(values, modes, strict=True)}
 

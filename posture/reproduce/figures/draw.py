@@ -54,7 +54,7 @@ def _plans(reproduction: Reproduction, paper: Published, report: ReportConfig) -
     def bodies(fig: Figure) -> None:
         assert trial is not None
         ends = report.figures.freq_hz[0], report.figures.freq_hz[-1]
-        traces.bodies(fig, trial, paper.table_1.target_height_m, ends)
+        traces.bodies(fig, trial, ends)
 
     def pressure(fig: Figure, own: Sequence[Result], _paper: Published) -> None:
         curves.pressure(fig, own, reproduction.body.foot_span)

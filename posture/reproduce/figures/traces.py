@@ -48,18 +48,16 @@ def shown_worlds(trajectory: Trajectory, wanted: Sequence[float]) -> list[World]
     return [World(trajectory, w, f"{trajectory.freq[w]:g} Hz") for w in order]
 
 
-def bodies(fig: Figure, trajectory: Trajectory, target_height: float, wanted: Sequence[float]) -> None:
-    """Fig. 2: the body at five instants of the last cycle before the end or a fall; a panel for each frequency.
-
-    `target_height` [m], frequencies `wanted` [Hz].
-    """
+def bodies(fig: Figure, trajectory: Trajectory, wanted: Sequence[float]) -> None:
+    """Fig. 2: the body at five instants of the last cycle before the end or a fall; a panel for each of the frequencies
+    `wanted` [Hz]."""
     worlds = shown_worlds(trajectory, wanted)
     for ax, world in zip(fig.subplots(len(worlds), 1, squeeze=False)[:, 0], worlds, strict=True):
         _, w, title = world
         steps = cycle_steps(trajectory, w)
         foot = trajectory.foot_displacement[steps, w]
         hip, ankle, target = trajectory.hip[steps, w], trajectory.ankle[steps, w], trajectory.target_x[steps, w]
-        places = draw_phases(ax, hip, ankle, target, BODY_SPACING, target_height=target_height, foot_x=foot)
+        places = draw_phases(ax, hip, ankle, target, BODY_SPACING, foot_x=foot)
         for place, step in zip(places, steps, strict=True):
             label = f"{trajectory.time[step] - trajectory.time[steps[0]]:.2f} s"
             ax.annotate(label, (place, -0.05), xytext=(0, -3), textcoords="offset points", ha="center", va="top")

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from envs.body.joints import BODIES, JOINTS
-from envs.body.model import MJCF, build_model, geometry
+from envs.body.mjcf import MJCF
+from envs.body.model import build_model, geometry
 
 
 @pytest.fixture(scope="module")

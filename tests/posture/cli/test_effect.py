@@ -23,6 +23,11 @@ REFUSED = [
     ("eval", ["policy=lqr", "lqr.env.num_envs=3"], "lqr.env.num_envs: has no effect with policy=lqr"),
     ("eval", ["policy=lqr", "lqr.env.reward.alive=1"], "lqr.env.reward.alive: has no effect with policy=lqr"),
     ("eval", ["policy=lqr", "env.load=1", "lqr.env.load=2"], "lqr.env.load: has no effect beside env.load"),
+    (
+        "eval",
+        ["policy=lqr", "env.body.mass=70", "lqr.env.body={mass:80,height:1.7,sex:male}"],
+        "lqr.env.body.mass: has no effect beside env.body.mass",
+    ),
     ("eval", ["lqr.angle=0.2"], "lqr.angle: has no effect with policy=trained"),
     ("eval", ["lqr={angle: 0.2}"], "lqr.angle: has no effect with policy=trained"),
     ("eval", [f"env.ramp={RAMP}", "evaluation.freq=[1]"], "evaluation.freq: has no effect beside env.ramp"),
@@ -50,6 +55,8 @@ REFUSED = [
 ]
 ALLOWED = [
     ("eval", ["policy=lqr", "lqr.angle=0.2", "lqr.env.load=1", "env.hip_k=60"]),
+    ("eval", ["policy=lqr", "env/body=anthropometric", "env.body.mass=60"]),
+    ("theory", ["env/body=anthropometric", "env.body.sex=female"]),
     ("eval", ["-m", "policy=trained,lqr", "lqr.angle=0.2", "ckpt=pretrained"]),
     ("eval", ["-m", f"env.ramp=none,{RAMP}", "evaluation.freq=[1]"]),
     ("theory", ["env=paper", "evaluation.tolerance=0.02"]),

@@ -15,7 +15,17 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 
-from posture.drawing.silhouette import TARGET_COLOUR, Disc, draw_body, draw_phases, head_position, joint_positions, solids
+from envs.config import Person
+from posture.drawing.silhouette import (
+    TARGET_COLOUR,
+    Disc,
+    draw_body,
+    draw_phases,
+    head_position,
+    joint_positions,
+    solids,
+    target_height,
+)
 from posture.drawing.style import ANKLE_COLOUR, HIP_COLOUR
 
 MJCF = Path(__file__).parents[3] / "envs" / "body" / "humanoid.xml"
@@ -140,6 +150,18 @@ def test_extent_of_the_drawing(figure: Figure) -> None:
     assert max(box.x1 for box in boxes) == pytest.approx(2.0 + 0.13 + 0.027, abs=1e-3)
 
 
+def test_the_drawing_of_a_person_is_as_tall_as_they_are(figure: Figure) -> None:
+    """The foot is 258.1 / 1741 of the stature long, of which 0.81 is ahead of the ankle (de Leva 1996; Pai and Patton 1997).
+    The paper's target is 1.7 - 1.57 m above its body."""
+    ax, person = figure.axes[0], Person(mass=90, height=1.9, sex="male")
+    draw_body(ax, 0.0, 0.0, person=person)
+    boxes = [patch.get_path().get_extents() for patch in ax.patches if isinstance(patch, PathPatch)]
+    assert max(box.y1 for box in boxes) == pytest.approx(1.9, abs=1e-3)
+    assert 0 <= min(box.y0 for box in boxes) < 2e-3
+    assert max(box.x1 for box in boxes) == pytest.approx(0.81 * 258.1 / 1741 * 1.9, abs=1e-3)
+    assert (target_height(person), target_height(None)) == pytest.approx((2.03, 1.7))
+
+
 def test_low_alpha_does_not_show_overlaps(figure: Figure) -> None:
     # alpha 0.25 of blue on white is [0.75, 0.75, 1], also where shin and thigh overlap and where the foot begins.
     ax = figure.axes[0]
@@ -154,7 +176,7 @@ def test_low_alpha_does_not_show_overlaps(figure: Figure) -> None:
 def test_phases_are_drawn_side_by_side(figure: Figure) -> None:
     ax = figure.axes[0]
     angles = np.array([0.0, -0.1, -0.2])
-    places = draw_phases(ax, angles, -0.05, [0.0, 0.1, 0.2], 0.6, target_height=1.7)
+    places = draw_phases(ax, angles, -0.05, [0.0, 0.1, 0.2], 0.6)
     assert places == pytest.approx([0.0, 0.6, 1.2])
     for place, angle, target in zip(places, angles, (0.0, 0.1, 0.2), strict=True):
         assert colour_at(figure, place + target, 1.7) == pytest.approx(to_rgb(TARGET_COLOUR), abs=0.01)
@@ -166,7 +188,7 @@ def test_phases_are_drawn_side_by_side(figure: Figure) -> None:
 
 def test_phases_refuse_two_dimensions(figure: Figure) -> None:
     with pytest.raises(ValueError, match=r"must be \(P,\), but are \(2, 2\)"):
-        draw_phases(figure.axes[0], np.zeros((2, 2)), 0.0, 0.0, 0.5, target_height=1.7)
+        draw_phases(figure.axes[0], np.zeros((2, 2)), 0.0, 0.0, 0.5)
 
 
 def test_drawing_needs_no_simulator_and_importing_it_not_even_mujoco() -> None:

@@ -233,7 +233,7 @@ def film_of(trial, freq=1.0):
     r = running_correlation(trial, 0, 50, 0.0, centred=False)
     motion = sample(trial, 0, freq, r, 4.0, np.arange(0, 2, 0.1))
     cycle = sample(trial, 0, freq, r, 4.0, np.linspace(0, 1 / freq, 41))
-    return TwoModesFilm([motion], [cycle], 60, HEIGHT, 0.2)
+    return TwoModesFilm([motion], [cycle], 60, 0.2)
 
 
 @pytest.mark.parametrize(
@@ -279,7 +279,7 @@ def test_transition_is_marked_where_the_correlation_changes_sign():
     time = np.linspace(0, 10, 101)
     still, freq = np.zeros(101), time / 10
     motion = SampledTrial(time, freq, still, still, still, still, still, (0.6 - freq) / 0.6, math.inf)
-    film = RampFilm(motion, np.full(101, np.nan), motion, 5.0, 60, HEIGHT, 0.2, 0.69)
+    film = RampFilm(motion, np.full(101, np.nan), motion, 5.0, 60, 0.2, 0.69)
     line, text = film._switch
     film.show(59)
     assert not text.get_visible() and film._mode.get_text() == "in-phase   r = +0.02"

@@ -192,6 +192,9 @@ def test_seeds_of_the_vector_environment():
         ({"freq": 1.0, "ramp": {"start": 0.1, "rate": 0.01, "duration": 10}}, "freq: has no effect beside ramp"),
         ({"reward": {"tolerance_weight": 0, "tolerance": 0.05}}, "reward.tolerance: has no effect with reward.tolerance_w"),
         ({"observations": {"policy": [], "target_motion": []}}, "env.observations: all groups are empty"),
+        ({"body": {"mass": 5, "height": 1.7, "sex": "male"}}, "env.body: mass = 5: must be greater than or equal to 20"),
+        ({"body": {"mass": 70}}, "env.body: height: missing"),
+        ({"body": 70}, "env.body"),
         ({"render_mode": "ansi"}, "render_mode = ansi: allowed is rgb_array or None"),
     ],
 )
@@ -221,6 +224,14 @@ def test_values_reach_the_task():
     assert (config.env.hip_k, config.env.freq, config.env.reward.alive.start) == (50.0, (0.3, 1.2), 3.0)
     assert config.env.reward.stay_weight == plain.env.reward.stay_weight == 4.0
     assert (config.env.num_envs, config.training_steps, plain.training_steps) == (2, 7, None)
+
+
+def test_a_body_comes_with_joints_scaled_to_it():
+    """Twice the mass of the paper's body at its height: twice the stiffness. What is given is not scaled."""
+    body = {"mass": 80.3, "height": 1.57, "sex": "female"}
+    config = configure(1, "fixed_reward", None, {"body": body, "ankle_k": 30})
+    assert config.env.body.model_dump() == body
+    assert (config.env.hip_k, config.env.ankle_k, config.env.torque_limit) == (250.0, 30.0, 200.0)
 
 
 def test_in_a_program_that_uses_hydra():

@@ -128,6 +128,27 @@ def test_controls_act_in_order_in_the_thread_of_the_session():
         wait(lambda: control(visitor, "frequency [Hz]").value < 1.5)  # the slider follows the ramp
 
 
+def test_body_is_chosen_by_sex_mass_and_height():
+    with serving() as server:
+        page = Page(server)
+        visitor = visitor_of(server, page)
+        wait(lambda: visitor.frames > 0)
+        session = visitor.session
+        mass, stiffness = control(visitor, "mass [kg]"), control(visitor, "hip stiffness [Nm/rad]")
+        assert mass.disabled and stiffness.max == 200
+        page.change(control(visitor, "body"), "female")
+        wait(lambda: session.settings.body is not None and session.settings.body.sex == "female")
+        wait(lambda: not mass.disabled)
+        for value in (60, 70, 80):
+            page.change(mass, value)
+        page.change(control(visitor, "height [m]"), 1.6)
+        wait(lambda: (session.settings.body.mass, session.settings.body.height) == (80, 1.6))
+        wait(lambda: visitor._scene.person == session.settings.body and stiffness.max > 200)
+        assert (mass.value, control(visitor, "body").value) == (80, "female")
+        page.change(control(visitor, "body"), "the paper's")
+        wait(lambda: session.settings.body is None and stiffness.max == 200 and mass.disabled)
+
+
 @pytest.mark.slow
 def test_speed():
     """Real time, or a quarter of it in slow motion; never faster, slower on a busy machine."""

@@ -9,7 +9,9 @@ import pytest
 import torch
 
 from envs.body.joints import BODIES
-from envs.body.model import MJCF
+from envs.body.mjcf import MJCF
+from envs.body.segments import read_segments
+from envs.config import Person
 from envs.task.head_tracking import HeadTrackingEnv
 from posture.config.errors import ConfigError
 from posture.config.play import SETTINGS, PlayConfig
@@ -22,6 +24,8 @@ from posture.play.session import Session
 from posture.storage import checkpoint, run_dir
 from posture.theory.lqr import plan
 from posture.theory.nonlinear import exact_stander
+from posture.theory.stander import linearise
+from posture.theory.transition import bound_transition
 from tests.conftest import composed
 from tests.posture.play.sessions import DT, InlineWorker, advance, compose_play, new_session
 
@@ -265,3 +269,59 @@ def test_theory_follows_the_settings(session):
     session.set(hip_k=60.0)
     session.theory()
     assert session.theory().transition < stiff.transition  # softer hips switch at a lower frequency (paper Fig. 13)
+
+
+HEAVY = Person(mass=80.3, height=1.57, sex="male")  # twice the mass of paper Table 1, at its height
+
+
+def test_another_body_stands_upright_with_its_own_weight_and_joints(session):
+    """Twice as heavy as the paper's: twice the stiffness and the torque limit, and so do the sliders of stiffness go."""
+    advance(session, 2.0)
+    session.set_body(HEAVY)
+    assert session.body == HEAVY
+    session.step()
+    env = session._env.config
+    assert (session.settings.hip_k, session.settings.ankle_k, env.torque_limit) == (250.0, 50.0, 200.0)
+    assert float(session._env.sim.hip_k) == 250.0 and session.slider("hip_k") == (50.0, 400.0, 5.0)
+    assert len(session.history) == 1 and session.state.pose[0, 2] == pytest.approx(0.8140 * 1.57, abs=2e-3)
+    weight = np.mean([state.force[:, 2].sum() for state in advance(session, 13.4)[-200:]])  # a cycle of the target
+    assert session.falls == 0 and weight == pytest.approx(80.3 * GRAVITY, rel=0.02)
+    assert session.message == "outside what this policy was trained on: body, hip stiffness, ankle stiffness"
+    session.set_body(None)
+    session.step()
+    assert session.settings.hip_k == 125.0 and session._env.config.torque_limit == 100.0 and session.message == ""
+
+
+def test_theory_is_that_of_the_present_body(session):
+    session.set_body(HEAVY)
+    session.step()
+    session.theory()
+    env = session.settings.apply_to(session._env.config)
+    expected = bound_transition(linearise(read_segments(env), env), env.amplitude, session.settings.tolerance, (0.05, 1.5))
+    assert session.theory().transition == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_body_changes_while_paused_and_another_policy_has_its_own(session):
+    session.paused = True
+    session.set_body(HEAVY)
+    session.step()
+    assert session.settings.body == HEAVY and session.state.pose[0, 2] == pytest.approx(0.8140 * 1.57, abs=1e-3)
+    session.choose("pretrained/hip_k-75")
+    assert session.body is None and session.settings.hip_k == 75.0
+    assert session.state.pose[0, 2] == pytest.approx(1.286, abs=1e-3)
+
+
+def test_body_at_the_start(body):
+    given = ("body.mass=80.3", "body.height=1.57", "body.sex=male")
+    session = new_session(body, *given, "hip_k=300")
+    assert (session.body, session.settings.hip_k, session.settings.ankle_k) == (HEAVY, 300.0, 50.0)
+    with pytest.raises(ConfigError, match="^body.height: missing; the policy was trained with the paper's body"):
+        new_session(body, "body.mass=70")
+
+
+def test_lqr_balances_another_body(body):
+    session = new_session(body, "ckpt=lqr", "freq=0.5", "body.mass=60", "body.height=1.65", "body.sex=female")
+    advance(session, 15.0)
+    session.theory()
+    assert session.falls == 0
+    assert session.measures().cost / session.theory().at(0.5) == pytest.approx(1.0, abs=0.2)

@@ -70,6 +70,14 @@ def test_a_version_1_schedule_may_be_longer_than_its_training(run):
     assert read_config(run).env.reward.stay_weight.until == 3000
 
 
+def test_in_version_8_everyone_had_the_papers_body(run):
+    expected = read_config(run)
+    env = yaml.safe_load((run / "config.yaml").read_text())["env"]
+    del env["body"]
+    rewrite(run, version=8, env=env)
+    assert read_config(run) == expected and expected.env.body is None
+
+
 @pytest.mark.parametrize("version", [0, VERSION + 1, "2", 1.5, None, [1], True])
 def test_an_unknown_version_is_refused(run, version):
     rewrite(run, version=version)

@@ -21,7 +21,8 @@ NOT_DECIDING = (
 )
 """Modules that training and evaluation import, and whose code decides no result."""
 
-REWARDS, KERNEL, BODY = "envs/task/rewards.py", "envs/engines/sagittal_kernel.py", "envs/body/humanoid.xml"
+REWARDS, KERNEL = "envs/task/rewards.py", "envs/engines/sagittal_kernel.py"
+BODY, PERSON = "envs/body/humanoid.xml", "envs/body/proportions.yaml"
 
 
 @pytest.fixture
@@ -81,7 +82,8 @@ def test_code_changes_the_digest(digest_after, before, after):
 
 
 @pytest.mark.parametrize(
-    ("file", "before", "after"), [(KERNEL, ": float", ": wp.float64"), (BODY, 'density="1000"', 'density="999"')]
+    ("file", "before", "after"),
+    [(KERNEL, ": float", ": wp.float64"), (BODY, 'density="1000"', 'density="999"'), (PERSON, "0.039", "0.040")],
 )
 def test_types_of_kernels_and_the_body_model_change_the_digest(digest_after, file, before, after):
     assert digest_after(file, before, after) != digest_after()
