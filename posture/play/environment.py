@@ -1,4 +1,4 @@
-"""The head-tracking environment with one stander whose target and body can be changed while it moves, and be pushed."""
+"""The head-tracking environment with one stander whose target and body can be changed while it moves."""
 
 from __future__ import annotations
 
@@ -6,13 +6,8 @@ import math
 from dataclasses import astuple, dataclass
 from typing import Any
 
-import mujoco
-import numpy as np
 import torch
 
-from envs.body.joints import ANKLES, BODIES, HIPS, JOINTS
-from envs.body.load import TrunkOfModel
-from envs.body.mjcf import mjcf
 from envs.config import EnvConfig, Person
 from envs.task.head_tracking import HeadTrackingEnv
 
@@ -57,7 +52,6 @@ class PlayEnv(HeadTrackingEnv):
     def __init__(self, config: EnvConfig, settings: Settings) -> None:
         super().__init__(config, 0, "cpu")
         self.apply(settings)
-        self._pusher = Pusher(config)
 
     def apply(self, settings: Settings) -> None:
         """Use stiffness, load and target of `settings` from the next step on."""
@@ -73,48 +67,7 @@ class PlayEnv(HeadTrackingEnv):
         """Phase of the target [rad], 0 at its rear end, in [0, 2 pi)."""
         return float(self.episodes.phase) % (2 * math.pi)
 
-    def push(self, impulse: float) -> None:
-        """Apply a forward `impulse` [Ns] to the centre of mass of head, arms and trunk."""
-        self._pusher.push(self, impulse)
-
     @property
     def foot_drift(self) -> float:
         """How far forward the feet have moved since the start [m]."""
         return float((self.state.foot_pose[..., :3] - self.episodes.foot_start)[0, :, 0].mean())
-
-
-class Pusher:
-    """Applies an impulse to the trunk (HAT) of the only stander in the sagittal engine.
-
-    The engine takes joint torques and ground forces only. A force F over a control step dt changes the generalised
-    velocities by M^-1 J' F dt, which is added before the step. The mass matrix M and the Jacobian J of the HAT's centre of
-    mass are MuJoCo's, for the MJCF that the engine is built from.
-    """
-
-    def __init__(self, config: EnvConfig) -> None:
-        self._model = mujoco.MjModel.from_xml_string(mjcf(config.body))
-        self._dofs = [self._model.joint(name).dofadr[0] for name in JOINTS]
-        self._hat = self._model.body(BODIES[0]).id
-        self._trunk = TrunkOfModel(self._model, config)
-        self._model.dof_armature[self._dofs] = config.joint_armature
-
-    def push(self, env: HeadTrackingEnv, impulse: float) -> None:
-        """Change the velocities of `env` by those that `impulse` [Ns] along x at the HAT's centre of mass causes."""
-        model = self._model
-        self._trunk.carry(float(env.sim.load[0]))
-        data = mujoco.MjData(model)
-        x, y, z, w = env.state.hat_pose[0, 3:].tolist()
-        data.qpos[:7] = [*env.state.hat_pose[0, :3].tolist(), w, x, y, z]
-        for i, name in enumerate(JOINTS):
-            data.joint(name).qpos = float(env.sim.joint_angle[0, i])
-        mujoco.mj_forward(model, data)
-        jacobian, change = np.zeros((3, model.nv)), np.zeros((1, model.nv))
-        mujoco.mj_jacBodyCom(model, data, jacobian, None, self._hat)
-        mujoco.mj_solveM(model, data, change, impulse * jacobian[:1])
-        hip, ankle = (float(change[0, self._dofs[kind]].mean()) for kind in (HIPS, ANKLES))
-        pitch = float(change[0, 4])
-        # The engine's coordinates: x and z of the HAT's frame, and the pitch of each segment in the world.
-        planar = [float(change[0, 0]), float(change[0, 2]), pitch, pitch + hip, pitch + hip + ankle]
-        state = env.sim.state_dict()
-        state["qd"] += torch.tensor([planar])
-        env.sim.load_state_dict(state)

@@ -87,9 +87,8 @@ class Session:
             return
         self._advance_ramp()
         self._env.apply(self.settings)
-        if self._push_steps > 0:
-            self._env.push(self.push_force * self.dt)
-            self._push_steps -= 1
+        self._env.sim.push.fill_(self.push_force if self._push_steps > 0 else 0.0)
+        self._push_steps = max(0, self._push_steps - 1)
         done = self._env.step(self._controller.act(self._env, self.settings))[2]
         if bool(done):
             # The environment has reset itself; `state` stays the last one before the fall.
