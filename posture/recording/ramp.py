@@ -52,7 +52,7 @@ def follow(recording: Recording, ramp: Ramp | None) -> Array:
         raise refuse(recording.path, "has neither target nor head, from which ramp=estimate could tell the frequency")
     freq = momentary_frequency(recording.time, signal)
     if np.isnan(freq).any():
-        raise refuse(recording.path, "its target or head makes fewer than two strokes, from which no frequency can be told")
+        raise refuse(recording.path, "its target or head makes fewer than three strokes, too few for a frequency")
     return freq
 
 
