@@ -44,8 +44,8 @@ def read_c3d(path: Path) -> Table:
         text = " ".join(str(error).split())
         raise refuse(path, f"is not a C3D file that ezc3d can read ({type(error).__name__}: {text:.100})") from None
     frames = points.shape[2]
-    if not frames or not rate > 0:
-        raise refuse(path, f"has {frames} frames of points at {rate:g} Hz")
+    if not frames or not rate > 0 or not labels:
+        raise refuse(path, f"has {frames} frames of {len(labels)} points at {rate:g} Hz")
     length, angle = (unit_of("".join(_texts(parameters["POINT"], name)[:1])) for name in ("UNITS", "ANGLE_UNITS"))
     labels, channels = labels[: points.shape[1]], channels[: analogs.shape[1]]
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +19,8 @@ from envs.body.joints import JOINTS
 from posture.analysis.trajectory import Array
 from posture.config.analyse import AnalyseConfig
 from posture.config.errors import ConfigError
-from posture.recording.c3d import SUFFIX, read_c3d
+from posture.recording.formats import read_table
 from posture.recording.table import Table, name_and_unit, refuse
-from posture.recording.text import SEPARATED, STORAGE, read_text
-
-SUFFIXES = (*SEPARATED, *STORAGE, SUFFIX)
-"""Files that are recordings, by the end of their names."""
 
 SIDES = ("left", "right")
 SIGN = {"posture": 1.0, "opensim": -1.0}
@@ -84,7 +80,7 @@ class Recording:
 def read_recording(path: Path, config: AnalyseConfig) -> Recording:
     """The recording in a file, with the columns, units and signs that `config` or the file names. Raises ConfigError, which
     names the file and, of a single value, its row and column."""
-    table = read_c3d(path) if path.suffix.lower() == SUFFIX else read_text(path)
+    table = read_table(path)
     places = {name: _angle_places(table, name, config) for name in KNOWN_ANGLES}
     places |= {name: _places(table, name, config) for name in KNOWN}
     for name in KNOWN_ANGLES:
@@ -103,6 +99,10 @@ def read_recording(path: Path, config: AnalyseConfig) -> Recording:
             table.path, f"no column of times; columns.time= names it, or rate= the sampling rate [Hz] ({_some(table.names)})"
         )
     values = table.values(wanted)
+    if places["time"]:
+        # OpenSim may write a row twice. Nothing is lost with the second one.
+        kept = np.concatenate([[True], (values[1:] != values[:-1]).any(axis=1)])
+        table, values = replace(table, rows=table.rows[kept]), values[kept]
     found = dict(zip(wanted, values.T, strict=True))
     for place, signal in found.items():
         if len(infinite := np.flatnonzero(np.isinf(signal))):
@@ -228,12 +228,13 @@ def _mean(signals: Sequence[Array]) -> Array:
 
 def _time(table: Table, found: Mapping[int, Array], places: Sequence[int], config: AnalyseConfig) -> Array:
     """Times [s]. Raises ConfigError unless they increase."""
+    if config.rate is not None and (places or table.rate):
+        own = f"a column of times, {table.names[places[0]]}" if places else f"a sampling rate of {table.rate:g} Hz"
+        raise refuse(table.path, f"has {own}, beside which rate= has no effect")
     if not places:
         rate = config.rate or table.rate
         assert rate is not None
         return np.arange(len(table.rows)) / rate
-    if config.rate is not None:
-        raise refuse(table.path, f"has a column of times, {table.names[places[0]]}, beside which rate= has no effect")
     (place,) = places if len(places) == 1 else (None,)
     if place is None:
         raise refuse(table.path, "columns.time: allowed is one column")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from posture.config.errors import ConfigError
 from posture.recording.c3d import SUFFIX, check_installed
-from posture.recording.columns import SUFFIXES
+from posture.recording.formats import SUFFIXES
 
 
 def find_recordings(names: Sequence[str]) -> list[Path]:

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from posture.analysis.trajectory import Array
 from posture.config.errors import ConfigError
@@ -24,21 +25,20 @@ _MISSING = {"", "nan", "na", "n/a", "#n/a", "null", "none", "-", "."}
 _COMMENT = ("#", "%")
 
 
-def read_text(path: Path) -> Table:
-    """The table of a text file. Raises ConfigError where it has no names of columns or no rows."""
-    lines = _lines(path)
+def read_text(path: Path, lines: Sequence[str]) -> Table:
+    """The table of a text file with these lines. Raises ConfigError where it has no names of columns or no rows."""
     storage = path.suffix.lower() in STORAGE
     first, header = _storage_header(path, lines) if storage else _names_at(path, lines)
     heading = lines[first]
     separator = _separator(path, heading, storage)
-    headings = [cell.strip() for cell in _cells(heading, separator)]
+    headings = [cell.strip() for cell in cells_of(heading, separator)]
     while headings and not headings[-1]:  # a separator at the end of the line
         headings.pop()
     begin = first + 1
     named = [name_and_unit(name) for name in headings]
     names, units = [name for name, _ in named], [unit for _, unit in named]
-    if begin < len(lines) and _is_units(_cells(lines[begin], separator)):
-        below = [unit_of(cell) for cell in _cells(lines[begin], separator)]
+    if begin < len(lines) and _is_units(cells_of(lines[begin], separator)):
+        below = [unit_of(cell) for cell in cells_of(lines[begin], separator)]
         units = [unit or other for unit, other in zip(units, below + len(units) * [""], strict=False)]
         begin += 1
     rows = np.array([number for number in range(begin, len(lines)) if not lines[number].isspace() and lines[number]])
@@ -47,18 +47,23 @@ def read_text(path: Path) -> Table:
     general = {"length": "m"} if storage else {}  # OpenSim computes in SI units
     if (in_degrees := header.get("indegrees")) in ("yes", "no"):
         general["angle"] = "deg" if in_degrees == "yes" else "rad"
-    data = _Data(path, lines, rows, headings, separator)
+    data = Rows(path, lines, rows, headings, separator)
     return Table(path, names, units, general, None, rows + 1, data.values)
 
 
-class _Data:
-    """The rows of a text file, parsed on demand."""
+class Rows:
+    """The rows of a text file, parsed on demand. numbers: of their lines, from 0."""
 
     def __init__(
-        self, path: Path, lines: Sequence[str], rows: Array, headings: Sequence[str], separator: str | None
+        self,
+        path: Path,
+        lines: Sequence[str],
+        numbers: NDArray[np.int64],
+        headings: Sequence[str],
+        separator: str | None,
     ) -> None:
-        self._path, self._rows, self._headings, self._separator = path, rows, headings, separator
-        self._lines = [lines[row] for row in rows]
+        self._path, self.numbers, self._headings, self._separator = path, numbers, headings, separator
+        self._lines = [lines[row] for row in numbers]
 
     def values(self, places: Sequence[int]) -> Array:
         """The columns at `places`, (T, len(places)). See `Table`."""
@@ -85,10 +90,10 @@ class _Data:
         width, decimal_comma = len(self._headings), self._separator != ","
         found = np.empty((len(self._lines), len(places)))
         for i, line in enumerate(self._lines):
-            cells = _cells(line, self._separator)
+            cells = cells_of(line, self._separator)
             if len(cells) != width and any(cell.strip() for cell in cells[width:]) or len(cells) < width:
                 raise ConfigError(
-                    f"{self._path}: row {self._rows[i] + 1} has {len(cells)} cells, but the file has {width} columns"
+                    f"{self._path}: row {self.numbers[i] + 1} has {len(cells)} cells, but the file has {width} columns"
                 )
             for j, place in enumerate(places):
                 found[i, j] = self._number(cells[place].strip(), i, place, decimal_comma)
@@ -103,11 +108,11 @@ class _Data:
         try:
             return float(cell.replace(",", ".") if decimal_comma else "")
         except ValueError:
-            where = f"{self._path}: row {self._rows[row] + 1}, column {self._headings[place]}"
+            where = f"{self._path}: row {self.numbers[row] + 1}, column {self._headings[place]}"
             raise ConfigError(f"{where}: {cell!r:.50} is not a number") from None
 
 
-def _lines(path: Path) -> list[str]:
+def read_lines(path: Path) -> list[str]:
     """The lines of a file. Raises ConfigError if it cannot be read or is not a text."""
     try:
         content = path.read_bytes()
@@ -156,12 +161,12 @@ def _separator(path: Path, heading: str, storage: bool) -> str | None:
     separator = next((mark for mark in ("\t", ";", ",") if mark in heading), None)
     if storage:
         separator = None if len(heading.split()) > 1 and not _has_blank_names(heading) else separator
-    cells = [cell.strip() for cell in _cells(heading, separator)]
+    cells = [cell.strip() for cell in cells_of(heading, separator)]
     if len(cells) < 2:
         raise refuse(
             path, f"has one column only, {heading.strip()!r:.60}; commas, semicolons, tabs or blanks separate columns"
         )
-    if all(_is_number(cell) for cell in cells if cell):
+    if all(is_number(cell) for cell in cells if cell):
         raise refuse(path, "begins with numbers; allowed is a file whose first row has the names of the columns")
     return separator
 
@@ -171,7 +176,8 @@ def _has_blank_names(heading: str) -> bool:
     return "\t" in heading and any(" " in cell.strip() for cell in heading.split("\t"))
 
 
-def _cells(line: str, separator: str | None) -> list[str]:
+def cells_of(line: str, separator: str | None) -> list[str]:
+    """The cells of a line."""
     if separator is None:
         return line.split()
     return next(csv.reader([line], delimiter=separator)) if '"' in line else line.split(separator)
@@ -179,10 +185,11 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 def _is_units(cells: Sequence[str]) -> bool:
     """Whether a row below the names holds units: at least one, and no numbers."""
-    return any(map(unit_of, cells)) and not any(map(_is_number, cells))
+    return any(map(unit_of, cells)) and not any(map(is_number, cells))
 
 
-def _is_number(cell: str) -> bool:
+def is_number(cell: str) -> bool:
+    """Whether a cell holds a number, with a decimal point or a comma."""
     try:
         float(cell.strip().replace(",", "."))
     except ValueError:

@@ -80,6 +80,12 @@ def test_times_by_rate_and_in_milliseconds(tmp_path):
         read(tmp_path, rows, "rate=50")
 
 
+def test_a_row_that_was_written_twice_counts_once(tmp_path):
+    """As OpenSim does at the end of some files."""
+    found = read(tmp_path, [*SOUND, SOUND[-1]])
+    np.testing.assert_allclose(found.time, [0, 0.1, 0.2])
+
+
 def test_names_of_other_programs():
     assert known_name("/jointset/hip_r/hip_flexion_r/value") == "hip_flexion_r"
     assert known_name("/jointset/hip_r/hip_flexion_r/speed") == "/jointset/hip_r/hip_flexion_r/speed"
@@ -98,7 +104,7 @@ SOUND = ["time,hip_flexion_r_rad,ankle_angle_r_rad", "0,0.1,0.1", "0.1,0.2,0.1",
             "no column of the hip angle; columns.hip= names it (known: hip_left_angle, hip_flexion_l",
         ),
         ([SOUND[0].replace("time", "frame"), *SOUND[1:]], [], "no column of times; columns.time= names it, or rate="),
-        ([*SOUND[:2], "0,0.1,0.1"], [], "row 3, column time: 0 does not come after 0, the time before it"),
+        ([*SOUND[:2], "0,0.1,0.2"], [], "row 3, column time: 0 does not come after 0, the time before it"),
         ([*SOUND[:3], "0.05,0.1,0.1"], [], "row 4, column time: 0.05 does not come after 0.1"),
         ([*SOUND[:3], ",0.1,0.1"], [], "row 4, column time: has no time"),
         ([*SOUND[:3], "inf,0.1,0.1"], [], "row 4, column time: infinite"),

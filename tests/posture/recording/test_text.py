@@ -7,14 +7,15 @@ import pytest
 
 from posture.config.errors import ConfigError
 from posture.recording.table import name_and_unit
-from posture.recording.text import read_text
+from posture.recording.text import read_lines, read_text
 from tests.posture.recording.people import write
 
 NUMBERS = [[0.0, 1.5, -2.0], [0.1, 2.5, -3.0]]
 
 
 def read(tmp_path, name, content):
-    table = read_text(write(tmp_path / name, content))
+    path = write(tmp_path / name, content)
+    table = read_text(path, read_lines(path))
     return table, table.values(range(len(table.names)))
 
 
