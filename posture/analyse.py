@@ -34,7 +34,7 @@ def analyse_recordings(config: AnalyseConfig, folder: Path) -> None:
     from posture.recording.batch import analyse_all
     from posture.recording.files import find_recordings
     from posture.recording.group import group
-    from posture.recording.tables import GROUP_COLUMNS, notes, recording_columns
+    from posture.recording.tables import group_columns, notes, recording_columns
     from posture.storage.atomic import replacing
 
     paths = find_recordings(config.recording)
@@ -67,9 +67,9 @@ def analyse_recordings(config: AnalyseConfig, folder: Path) -> None:
     write_table("group.csv", [asdict(row) for row in groups])
     tables: list[Callable[[Callable[..., str]], str]] = [lambda form: form(trials, recording_columns(trials))]
     if groups:
-        tables.append(lambda form: form(groups, GROUP_COLUMNS))
+        tables.append(lambda form: form(groups, group_columns(groups)))
     write("table.md", ("\n\n".join(table(markdown_table) for table in tables) + "\n").encode())
-    if groups and config.evaluation.figures:
+    if groups and config.evaluation.figures and config.ramp is None:
         write("group.png", _group_picture(trials, groups, config, body))
     else:
         (folder / "group.png").unlink(missing_ok=True)
@@ -85,21 +85,10 @@ def _group_picture(trials: Any, groups: Any, config: AnalyseConfig, body: Any) -
     import io
 
     from posture.recording.figures import group_figure
-
-    theory = None
-    if body is not None:
-        import numpy as np
-
-        from posture.theory.optimum import sinusoid
-        from posture.theory.stander import linearise
-        from posture.theory.transition import hip_ankle_correlation
-
-        stander = linearise(body, config.env)  # the correlation of its sinusoid does not depend on the amplitude
-
-        def theory(freq: Any) -> Any:
-            return np.array([hip_ankle_correlation(sinusoid(stander, float(f), 1.0, 0.0)) for f in freq])
+    from posture.recording.trial import least_correlation
 
     picture = io.BytesIO()
+    theory = None if body is None else least_correlation(body, config.env)
     group_figure(trials, groups, theory).savefig(picture, format="png")
     return picture.getvalue()
 

@@ -81,23 +81,10 @@ def read_recording(path: Path, config: AnalyseConfig) -> Recording:
     """The recording in a file, with the columns, units and signs that `config` or the file names. Raises ConfigError, which
     names the file and, of a single value, its row and column."""
     table = read_table(path)
-    places = {name: _angle_places(table, name, config) for name in KNOWN_ANGLES}
-    places |= {name: _places(table, name, config) for name in KNOWN}
-    for name in KNOWN_ANGLES:
-        if not places[name]:
-            sides = SIDES if config.side == "both" else (config.side,)
-            known = ", ".join(one for side in sides for one in KNOWN_ANGLES[name][side])
-            raise refuse(
-                table.path,
-                f"no column of the {name} angle; columns.{name}= names it (known: {known}; there are {_some(table.names)})",
-            )
+    places = _all_places(table, config)
     lower = [name.lower() for name in table.names]
     simulated = [lower.index(name) for name in SIMULATED] if set(SIMULATED) <= set(lower) else []
     wanted = sorted({place for group in places.values() for place in group} | set(simulated))
-    if config.rate is None and table.rate is None and not places["time"]:
-        raise refuse(
-            table.path, f"no column of times; columns.time= names it, or rate= the sampling rate [Hz] ({_some(table.names)})"
-        )
     values = table.values(wanted)
     if places["time"]:
         # OpenSim may write a row twice. Nothing is lost with the second one.
@@ -107,32 +94,45 @@ def read_recording(path: Path, config: AnalyseConfig) -> Recording:
     for place, signal in found.items():
         if len(infinite := np.flatnonzero(np.isinf(signal))):
             raise ConfigError(f"{table.place(int(infinite[0]), place)}: infinite")
-    signals = {
-        name: _mean(
-            [_in_si(table, found[place], place, "angle", name, config) * _sign(table, place, name, config) for place in own]
-        )
-        * getattr(config.scale, name)
-        for name, own in places.items()
-        if name in KNOWN_ANGLES
-    }
-    positions = {
-        name: _mean([_in_si(table, found[place], place, "length", name, config) for place in places[name]])
-        * getattr(config.scale, name)
-        for name in ("head", "target")
-        if places[name]
-    }
-    for name, signal in (signals | positions).items():
-        if not np.isfinite(signal).any():
-            raise refuse(table.path, f"the column of the {name}, {table.names[places[name][0]]}, has no numbers")
+    signals = {name: _signal(table, found, own, name, config) for name, own in places.items() if own and name != "time"}
     return Recording(
         path=table.path,
         time=_time(table, found, places["time"], config),
         hip=signals["hip"],
         ankle=signals["ankle"],
-        head=positions.get("head"),
-        target=positions.get("target"),
+        head=signals.get("head"),
+        target=signals.get("target"),
         simulated=_simulated(table, found, simulated, config),
     )
+
+
+def _all_places(table: Table, config: AnalyseConfig) -> dict[str, list[int]]:
+    """The columns of each signal. Raises ConfigError where there are none of the hip, the ankle or the time."""
+    places = {name: _angle_places(table, name, config) for name in KNOWN_ANGLES}
+    places |= {name: _places(table, name, config) for name in KNOWN}
+    there = f"there are {_some(table.names)}"
+    for name in KNOWN_ANGLES:
+        if not places[name]:
+            sides = SIDES if config.side == "both" else (config.side,)
+            known = ", ".join(one for side in sides for one in KNOWN_ANGLES[name][side])
+            raise refuse(table.path, f"no column of the {name} angle; columns.{name}= names it (known: {known}; {there})")
+    if config.rate is None and table.rate is None and not places["time"]:
+        raise refuse(table.path, f"no column of times; columns.time= names it, or rate= the sampling rate [Hz] ({there})")
+    return places
+
+
+def _signal(table: Table, found: Mapping[int, Array], places: Sequence[int], name: str, config: AnalyseConfig) -> Array:
+    """An angle [rad] or position [m] in our signs, the mean of its columns. Raises ConfigError where it has no number."""
+    columns = []
+    for place in places:
+        if name in KNOWN_ANGLES:
+            columns.append(_in_si(table, found[place], place, "angle", name, config) * _sign(table, place, name, config))
+        else:
+            columns.append(_in_si(table, found[place], place, "length", name, config))
+    mean = np.asarray(sum(columns[1:], columns[0]) / len(columns))  # nan where one of them is
+    if not np.isfinite(mean).any():
+        raise refuse(table.path, f"the column of the {name}, {table.names[places[0]]}, has no numbers")
+    return mean * float(getattr(config.scale, name))
 
 
 def _angle_places(table: Table, joint: str, config: AnalyseConfig) -> list[int]:
@@ -219,11 +219,6 @@ def _sign(table: Table, place: int, joint: str, config: AnalyseConfig) -> float:
             " positive) or signs=posture (both negative) does",
         )
     return SIGN[signs]
-
-
-def _mean(signals: Sequence[Array]) -> Array:
-    """Their mean, nan where one of them is."""
-    return np.asarray(sum(signals[1:], signals[0]) / len(signals))
 
 
 def _time(table: Table, found: Mapping[int, Array], places: Sequence[int], config: AnalyseConfig) -> Array:

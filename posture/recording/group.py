@@ -11,7 +11,7 @@ import numpy as np
 from posture.analysis.coordination import circular_mean_sd
 from posture.analysis.trajectory import Array
 from posture.recording.circular import mean_half_width, rayleigh_p, resultant_length
-from posture.recording.indices import mean_correlation
+from posture.recording.indices import mean_correlation, mean_interval
 from posture.recording.trial import Trial
 
 ALL = "all"
@@ -26,6 +26,8 @@ class GroupRow:
     subjects' means, so that each counts once. phase_low, phase_high: 95 % interval of the mean direction. rayleigh_p:
     probability by chance of directions that are this much alike; cycles that follow one another are not independent, so
     that it is too small for a single subject. r_mean, r_low, r_high: mean and 95 % interval by Fisher's transformation.
+    transition_..: of ramps, the frequency at which the correlation in the centred window changes its sign, mean and 95 %
+    interval by Student's t.
     """
 
     freq_hz: float  # mean of the recordings; nan for ramps
@@ -41,6 +43,9 @@ class GroupRow:
     r_mean: float
     r_low: float
     r_high: float
+    transition_mean_hz: float
+    transition_low_hz: float
+    transition_high_hz: float
 
 
 def group(trials: Sequence[Trial], same_freq: float) -> list[GroupRow]:
@@ -54,9 +59,12 @@ def group(trials: Sequence[Trial], same_freq: float) -> list[GroupRow]:
         for subject in subjects:
             mine = [trial for trial in own if trial.subject == subject]
             phases = np.concatenate([trial.cycles.values.get("phase_deg", np.empty(0)) for trial in mine])
-            of_each.append(_row(freq, subject, 1, len(mine), phases, [trial.indices.hip_ankle_r for trial in mine]))
+            r = [trial.indices.hip_ankle_r for trial in mine]
+            switches = [trial.indices.ramp.transition_centred_hz for trial in mine]
+            of_each.append(_row(freq, subject, 1, len(mine), phases, r, switches))
         means = np.array([row.phase_mean_deg for row in of_each])
-        rows += [*of_each, _row(freq, ALL, len(subjects), len(own), means, [row.r_mean for row in of_each])]
+        r, switches = [row.r_mean for row in of_each], [row.transition_mean_hz for row in of_each]
+        rows += [*of_each, _row(freq, ALL, len(subjects), len(own), means, r, switches)]
     return rows
 
 
@@ -73,10 +81,12 @@ def conditions(trials: Sequence[Trial], same_freq: float) -> list[list[Trial]]:
     return found
 
 
-def _row(freq: float, subject: str, subjects: int, recordings: int, phases: Array, r: Sequence[float]) -> GroupRow:
+def _row(
+    freq: float, subject: str, subjects: int, recordings: int, phases: Array, r: Sequence[float], switches: Sequence[float]
+) -> GroupRow:
     mean, sd = circular_mean_sd(phases)
     half = mean_half_width(phases)
-    found = mean_correlation(r)
+    found, switch = mean_correlation(r), mean_interval(np.array(switches))
     return GroupRow(
         freq_hz=freq,
         subject=subject,
@@ -91,4 +101,7 @@ def _row(freq: float, subject: str, subjects: int, recordings: int, phases: Arra
         r_mean=found.mean,
         r_low=found.low,
         r_high=found.high,
+        transition_mean_hz=switch.mean,
+        transition_low_hz=switch.low,
+        transition_high_hz=switch.high,
     )

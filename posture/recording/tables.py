@@ -65,20 +65,32 @@ def _ends(low: float, high: float, spec: str) -> str:
     return "-" if math.isnan(low) else f"{low:{spec}} .. {high:{spec}}"
 
 
-GROUP_COLUMNS: list[Column[GroupRow]] = [
-    Column("f [Hz]", lambda row: "ramp" if math.isnan(row.freq_hz) else row.freq_hz, ".3f"),
-    Column("subject", lambda row: row.subject),
-    Column("subjects", lambda row: row.subjects, ".0f"),
-    Column("recordings", lambda row: row.recordings, ".0f"),
-    Column("phase [deg]", lambda row: row.phase_mean_deg, ".0f"),
-    Column("95% [deg]", lambda row: _ends(row.phase_low_deg, row.phase_high_deg, ".0f")),
-    Column("sd [deg]", lambda row: row.phase_sd_deg, ".0f"),
-    Column("R", lambda row: row.phase_resultant, ".3f"),
-    Column("Rayleigh p", lambda row: row.rayleigh_p, ".2g"),
-    Column("hip-ankle r", lambda row: row.r_mean, ".3f"),
-    Column("r 95%", lambda row: _ends(row.r_low, row.r_high, ".2f")),
-]
-"""The columns of a group's table."""
+def group_columns(rows: Sequence[GroupRow]) -> list[Column[GroupRow]]:
+    """The columns of a group's table; those of transitions where there are ramps, those of phases where there are others."""
+    columns: list[Column[GroupRow]] = [
+        Column("f [Hz]", lambda row: "ramp" if math.isnan(row.freq_hz) else row.freq_hz, ".3f"),
+        Column("subject", lambda row: row.subject),
+        Column("subjects", lambda row: row.subjects, ".0f"),
+        Column("recordings", lambda row: row.recordings, ".0f"),
+    ]
+    if any(not math.isnan(row.freq_hz) for row in rows):
+        columns += [
+            Column("phase [deg]", lambda row: row.phase_mean_deg, ".0f"),
+            Column("95% [deg]", lambda row: _ends(row.phase_low_deg, row.phase_high_deg, ".0f")),
+            Column("sd [deg]", lambda row: row.phase_sd_deg, ".0f"),
+            Column("R", lambda row: row.phase_resultant, ".3f"),
+            Column("Rayleigh p", lambda row: row.rayleigh_p, ".2g"),
+        ]
+    columns += [
+        Column("hip-ankle r", lambda row: row.r_mean, ".3f"),
+        Column("r 95%", lambda row: _ends(row.r_low, row.r_high, ".2f")),
+    ]
+    if any(math.isnan(row.freq_hz) for row in rows):
+        columns += [
+            Column("centred f* [Hz]", lambda row: row.transition_mean_hz, ".3f"),
+            Column("95% [Hz]", lambda row: _ends(row.transition_low_hz, row.transition_high_hz, ".3f")),
+        ]
+    return columns
 
 
 def notes(trials: Sequence[Trial], config: AnalyseConfig) -> list[str]:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from envs.body.segments import Segments
-from envs.config import Ramp
+from envs.config import EnvConfig, Ramp
 from posture.analysis.results import MotionIndices, Row, as_row
 from posture.analysis.trajectory import Array
 from posture.config.analyse import AnalyseConfig
@@ -21,9 +24,10 @@ from posture.recording.ramp import RampCourse, course_and_transitions, follow
 from posture.recording.signals import prepare
 from posture.recording.table import refuse
 from posture.theory.motion import PeriodicMotion, motion_indices
-from posture.theory.optimum import bound
+from posture.theory.optimum import bound, sinusoid
 from posture.theory.program import InfeasibleError
 from posture.theory.stander import linearise
+from posture.theory.transition import hip_ankle_correlation
 
 SHARE_OF_A_SINUSOID = 0.5
 """Where the sinusoid of the estimated frequency explains less of the variance, there may be no such frequency."""
@@ -137,6 +141,17 @@ def least_motion(body: Segments, config: AnalyseConfig, freq: float, head_amplit
         return bound(linearise(body, config.env), freq, amplitude + tolerance, tolerance)
     except InfeasibleError:
         return None
+
+
+def least_correlation(body: Segments, env: EnvConfig) -> Callable[[Array], Array]:
+    """The hip-ankle correlation, at frequencies (N,) [Hz], of the least-torque motion whose head moves as a sinusoid; it
+    does not depend on the amplitude. The limits of foot and torque are left out."""
+    stander = linearise(body, env)
+
+    def correlations(freq: Array) -> Array:
+        return np.array([hip_ankle_correlation(sinusoid(stander, float(f), 1.0, 0.0)) for f in freq])
+
+    return correlations
 
 
 def subject_of(path: Path, pattern: str | None) -> str:
