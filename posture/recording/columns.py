@@ -56,7 +56,7 @@ _FACTOR = {
 }
 """Into SI units."""
 LARGEST = {"angle": 10.0, "length": 5.0}
-"""What no recording of a stander reaches, in SI units: an angle [rad], or the range of a position [m]."""
+"""What no recording of a stander reaches: an angle [rad], or the distance of a position from its median [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,10 +194,8 @@ def _in_si(table: Table, signal: Array, place: int, kind: str, name: str, config
     size = np.abs(converted) if kind == "angle" else np.abs(converted - _median(converted))
     if np.nanmax(size, initial=0.0) > LARGEST[kind]:
         sample = int(np.nanargmax(size))
-        most = f"{LARGEST[kind]:g} {'rad' if kind == 'angle' else 'm'}"
-        raise ConfigError(
-            f"{table.place(sample, place)}: {signal[sample]:g} {unit} is more than {most}; {kind}_unit= sets another unit"
-        )
+        much = "is more than 10 rad" if kind == "angle" else "is more than 5 m from the median"
+        raise ConfigError(f"{table.place(sample, place)}: {signal[sample]:g} {unit} {much}; {kind}_unit= sets another unit")
     return converted
 
 

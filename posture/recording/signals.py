@@ -74,7 +74,7 @@ def _check_rates(recording: Recording, config: AnalyseConfig, rate: float) -> No
     """Raise ConfigError where a filter or the new rate does not fit a sampling rate [Hz]."""
     for key in ("low_pass", "high_pass"):
         cutoff = getattr(config, key)
-        if cutoff is not None and cutoff >= rate / 2:
+        if cutoff is not None and cutoff >= 0.499999 * rate:
             raise refuse(recording.path, f"{key}={cutoff:g} is not below half its sampling rate of {rate:.4g} Hz")
     if config.resample is not None and config.resample * (recording.time[-1] - recording.time[0]) > 1e8:
         raise ConfigError(f"resample={config.resample:g}: more than 100 million samples")

@@ -93,7 +93,7 @@ def test_intervals_hold_the_mean_over_many_trials():
     """Cycles with independent noise: 95 % of the intervals of the relative phase and of the hip's range hold the truth."""
     draw, inside, wide = np.random.default_rng(7), 0, 0
     time = times(30.0, 25.0)
-    for _ in range(200):
+    for _ in range(100):
         leads = np.repeat(draw.normal(40.0, 12.0, 30), 25)
         sizes = np.repeat(draw.normal(1.0, 0.1, 30), 25)
         hip = HIP * sizes * wave(time, 1.0, leads)
@@ -101,7 +101,7 @@ def test_intervals_hold_the_mean_over_many_trials():
         inside += found.phase_low_deg < 40.0 < found.phase_high_deg
         low, high = cycles.intervals()["hip_range_deg"][1:]
         wide += low < math.degrees(2 * HIP) * 0.996 < high  # the mean of the largest of 25 samples a cycle
-    assert inside / 200 > 0.88 and wide / 200 > 0.85
+    assert inside / 100 > 0.88 and wide / 100 > 0.85
 
 
 # -- the Hilbert transform ---------------------------------------------------------------------------------------------
@@ -115,7 +115,8 @@ def test_hilbert_leaves_out_edges_and_gaps():
     assert np.isnan(found[:200]).all() and np.isnan(found[1800:2210]).all() and np.isnan(found[-200:]).all()
     inside = found[np.isfinite(found)]
     assert len(inside) == 4000 - 200 - 410 - 200
-    np.testing.assert_allclose(inside, 70.0, atol=3.0)
+    np.testing.assert_allclose(inside, 70.0, atol=7.0)
+    assert inside.mean() == pytest.approx(70.0, abs=0.6)
 
 
 # -- trials of the simulated body --------------------------------------------------------------------------------------
@@ -124,7 +125,7 @@ def test_hilbert_leaves_out_edges_and_gaps():
 @pytest.fixture(scope="module")
 def evaluated():
     """The results of `posture.eval` for the shipped policy, and its trajectories."""
-    return evaluate_at([0.3, 0.9], "pretrained", duration=30.0)
+    return evaluate_at([0.3, 0.9], "pretrained", duration=20.0)
 
 
 SAME = [
@@ -144,7 +145,7 @@ def test_an_exported_trial_has_the_indices_of_its_evaluation(evaluated, tmp_path
         write_sto(trajectory, world, path := tmp_path / "a.sto", in_degrees="degrees" in kind)
     found = analyse(path, config()).trial
     assert found.freq_from == "target" and found.indices.freq_hz == pytest.approx(rows[world].freq_hz, rel=1e-6)
-    assert len(SAME) == 28
+    assert len(SAME) == 27
     for name in SAME:
         own, expected = getattr(found.indices, name), getattr(rows[world], name)
         if isinstance(expected, str):
