@@ -55,7 +55,9 @@ def main() -> None:
         subprocess.run(command, cwd=folder, env=environment, stdout=subprocess.DEVNULL, check=True)
         seconds = time.perf_counter() - start
     what = f"{options.count} recordings of {options.duration:g} s at {options.rate:g} Hz"
-    print(f"{what}: {seconds:.1f} s on {os.cpu_count()} cores")
+    times = os.times()  # of all processes that the command started; 0 on Windows
+    work = times.children_user + times.children_system
+    print(f"{what}: {seconds:.1f} s on {os.cpu_count()} cores, {work:.1f} s of processor time")
 
 
 if __name__ == "__main__":

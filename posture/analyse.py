@@ -38,7 +38,7 @@ def analyse_recordings(config: AnalyseConfig, folder: Path) -> None:
     from posture.storage.atomic import replacing
 
     paths = find_recordings(config.recording)
-    pictures = figure_names(paths) if config.evaluation.figures else []
+    pictures = figure_names(paths)
     run_dir.writable(folder, *FILES, *GROUP_FILES, *pictures)
     body = None
     if config.prediction:
@@ -73,8 +73,9 @@ def analyse_recordings(config: AnalyseConfig, folder: Path) -> None:
         write("group.png", _group_picture(trials, groups, config, body))
     else:
         (folder / "group.png").unlink(missing_ok=True)
-    for name, (_, picture) in zip(pictures, found, strict=bool(pictures)):
-        write(name, picture)
+    for name, (_, picture) in zip(pictures, found, strict=True):
+        if picture:
+            write(name, picture)
     yaml_files.write_yaml(folder / "analysis.yaml", _record(paths, config))
     print("\n\n".join(table(text_table) for table in tables))
     print(*notes(trials, config), *(folder / name for name in (*written, "analysis.yaml")), sep="\n")

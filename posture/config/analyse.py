@@ -88,6 +88,7 @@ class AnalyseConfig(CommandConfig):
     high_pass: Cutoff | None
     low_pass: Cutoff | None
     resample: Rate | None
+    own_figures: Annotated[int, Field(ge=0, le=100_000)]
     same_freq: Annotated[float, Field(ge=0, le=10)]
     prediction: bool
     prediction_tolerance: Annotated[float, Field(gt=0, le=2)]
@@ -98,6 +99,8 @@ class AnalyseConfig(CommandConfig):
         """See `CommandConfig`."""
         unused = dict.fromkeys(("evaluation.freq", "evaluation.duration"), "on recordings")
         unused |= {"window": "without ramp"} if self.ramp is None else {"freq": "beside ramp"}
+        if not self.evaluation.figures:
+            unused["own_figures"] = "without evaluation.figures"
         if self.prediction:
             return unused | dict.fromkeys((f"env.{key}" for key in UNUSED), "on the prediction")
         used = {"torque_limit", "control_dt"}

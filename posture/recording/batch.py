@@ -24,11 +24,12 @@ class Analyst:
 
     config: AnalyseConfig
     body: Segments | None
+    figures: bool
 
     def __call__(self, path: Path) -> tuple[Trial, bytes]:
         """The trial in a file, and its figure as a PNG; b"" without figures."""
         analysed = analyse(path, self.config, self.body)
-        if not self.config.evaluation.figures:
+        if not self.figures:
             return analysed.trial, b""
         from posture.recording.figures import recording_figure
 
@@ -38,8 +39,10 @@ class Analyst:
 
 
 def analyse_all(paths: Sequence[Path], config: AnalyseConfig, body: Segments | None) -> list[tuple[Trial, bytes]]:
-    """The trials of all files and their figures, in order. See `posture.recording.trial.analyse`."""
-    analyst, processes = Analyst(config, body), os.cpu_count() or 1
+    """The trials of all files and their figures, in order; b"" for those without one. See
+    `posture.recording.trial.analyse`."""
+    figures = config.evaluation.figures and len(paths) <= config.own_figures
+    analyst, processes = Analyst(config, body, figures), os.cpu_count() or 1
     if len(paths) <= SERIAL or processes == 1:
         return [analyst(path) for path in paths]
     with ProcessPoolExecutor(min(processes, len(paths)), get_context("spawn")) as pool:

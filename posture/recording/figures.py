@@ -35,13 +35,12 @@ def recording_figure(analysed: Analysed) -> Figure:
 
 def _cycles_figure(analysed: Analysed) -> Figure:
     """Angles, head and target over the last cycles; hip against ankle with the least-torque motion; the relative phase of
-    each cycle, over time and as a rose."""
+    each cycle, with its mean."""
     trial, recording = analysed.trial, analysed.recording
     fig = Figure(figsize=(10.0, 5.6))
     grid = fig.add_gridspec(2, 3, left=0.07, right=0.98, bottom=0.09, top=0.87, wspace=0.33, hspace=0.42)
     over_time, loop = fig.add_subplot(grid[0, :2]), fig.add_subplot(grid[0, 2])
-    head, phases = fig.add_subplot(grid[1, 0]), fig.add_subplot(grid[1, 1])
-    rose = fig.add_subplot(grid[1, 2], projection="polar")
+    head, phases = fig.add_subplot(grid[1, 0]), fig.add_subplot(grid[1, 1:])
     shown = _last_cycles(recording.time, trial.indices.freq_hz)
     time, hip, ankle = recording.time[shown], np.degrees(recording.hip[shown]), np.degrees(recording.ankle[shown])
     over_time.plot(time, hip, color=HIP_COLOUR, label="hip")
@@ -77,8 +76,6 @@ def _cycles_figure(analysed: Analysed) -> Figure:
     phases.set(xlabel="start of the cycle [s]", ylabel="hip - ankle phase [deg]", ylim=(begin - 10, begin + 370))
     phases.set_yticks(begin + np.arange(0, 361, 90))
     _legend_above(phases)
-    _rose(rose, [(angles, MODE_COLOUR[trial.indices.mode])])
-    _arrow(rose, trial.indices.phase_mean_deg, trial.indices.phase_resultant)
     fig.suptitle(f"{trial.path.name}: {trial.indices.freq_hz:.3g} Hz, {trial.indices.cycles} cycles", fontsize=10)
     return fig
 

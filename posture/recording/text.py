@@ -7,7 +7,6 @@ columns are not separated by commas a number may have a decimal comma. A row of 
 from __future__ import annotations
 
 import csv
-import io
 import math
 from collections.abc import Sequence
 from pathlib import Path
@@ -41,7 +40,7 @@ def read_text(path: Path, lines: Sequence[str]) -> Table:
         below = [unit_of(cell) for cell in cells_of(lines[begin], separator)]
         units = [unit or other for unit, other in zip(units, below + len(units) * [""], strict=False)]
         begin += 1
-    rows = np.array([number for number in range(begin, len(lines)) if not lines[number].isspace() and lines[number]])
+    rows = np.array([number for number in range(begin, len(lines)) if lines[number] and not lines[number].isspace()])
     if not len(rows):
         raise refuse(path, "has names of columns, but no rows of numbers")
     general = {"length": "m"} if storage else {}  # OpenSim computes in SI units
@@ -67,24 +66,20 @@ class Rows:
 
     def values(self, places: Sequence[int]) -> Array:
         """The columns at `places`, (T, len(places)). See `Table`."""
-        text = "\n".join(self._lines)
-        if self._is_plain(text):
+        if self._is_plain():
             try:
-                return np.loadtxt(
-                    io.StringIO(text), delimiter=self._separator, usecols=places, ndmin=2, comments=None, dtype=np.float64
-                )
+                return np.loadtxt(self._lines, delimiter=self._separator, usecols=places, ndmin=2, comments=None)
             except ValueError:  # an empty cell, a decimal comma, or a mistake, which is named below
                 pass
         return self._cell_by_cell(places)
 
-    def _is_plain(self, text: str) -> bool:
+    def _is_plain(self) -> bool:
         """Whether every row has as many cells as there are names, without quotes around them. Of rows that are separated by
         blanks only the last is looked at, since a file that was cut short ends in it."""
-        if '"' in text:
-            return False
         if self._separator is None:
             return len(self._lines[-1].split()) == len(self._headings)
-        return text.count(self._separator) == len(self._lines) * (len(self._headings) - 1)
+        marks = len(self._headings) - 1
+        return all(line.count(self._separator) == marks and '"' not in line for line in self._lines)
 
     def _cell_by_cell(self, places: Sequence[int]) -> Array:
         width, decimal_comma = len(self._headings), self._separator != ","
