@@ -152,7 +152,7 @@ def group_figure(
             phases.plot([row.freq_hz for row in own], [_unsigned(row.phase_mean_deg) for row in own], **style)
         freq = np.array([row.freq_hz for row in together])
         if theory is not None and len(freq):
-            fine = np.linspace(freq.min(), freq.max(), 60) if len(freq) > 1 else freq
+            fine = np.linspace(freq.min(), freq.max(), 400) if len(freq) > 1 else freq
             correlations.plot(fine, theory(fine), color="black", ls=":", label="least torque")
         _means(correlations, freq, [(row.r_mean, row.r_low, row.r_high) for row in together])
         _means(phases, freq, [(_unsigned(row.phase_mean_deg), *_width(row)) for row in together])
