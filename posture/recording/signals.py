@@ -13,7 +13,6 @@ from scipy.signal import butter, sosfiltfilt
 
 from posture.analysis.trajectory import Array
 from posture.config.analyse import AnalyseConfig
-from posture.config.errors import ConfigError
 from posture.recording.columns import Recording
 from posture.recording.table import refuse
 
@@ -23,8 +22,8 @@ FILTER_ORDER = 2
 """Of a Butterworth filter, which runs forward and backward, so that it shifts no phase and has twice this order."""
 NEW_RATE_SHARE = 0.4
 """Of a lower sampling rate: where the signals are low-pass filtered before they are resampled."""
-FEWEST = 10
-"""Samples without which nothing can be said."""
+FEWEST, MOST = 10, 50_000_000
+"""Samples without which nothing can be said, and more than which take gigabytes of memory."""
 
 
 def prepare(recording: Recording, config: AnalyseConfig) -> Recording:
@@ -76,8 +75,10 @@ def _check_rates(recording: Recording, config: AnalyseConfig, rate: float) -> No
         cutoff = getattr(config, key)
         if cutoff is not None and cutoff >= 0.499999 * rate:
             raise refuse(recording.path, f"{key}={cutoff:g} is not below half its sampling rate of {rate:.4g} Hz")
-    if config.resample is not None and config.resample * (recording.time[-1] - recording.time[0]) > 1e8:
-        raise ConfigError(f"resample={config.resample:g}: more than 100 million samples")
+    duration = recording.time[-1] - recording.time[0]
+    if duration * max(rate, config.resample or 0.0) > MOST:
+        rates = f"{rate:.4g} Hz" if config.resample is None else f"resample={config.resample:g}"
+        raise refuse(recording.path, f"{duration:.4g} s at {rates} are more than {MOST:,} samples")
 
 
 def even_times(time: Array, interval: float) -> Array:

@@ -117,7 +117,7 @@ def read_lines(path: Path) -> list[str]:
     if b"\0" in content[:10_000] and not wide:
         raise refuse(path, "is not a text file")
     try:
-        text = content.decode("utf-16" if wide else "utf-8-sig")
+        text = content.decode("utf-16", "replace") if wide else content.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = content.decode("latin-1")  # a degree sign, or an accent in a name, of an older program
     if not text.strip():

@@ -194,6 +194,13 @@ def test_a_file_that_may_not_be_read(monkeypatch, capsys):
     assert "a.csv: cannot be read: Permission denied" in refused(monkeypatch, capsys, "analyse", "recording=a.csv")
 
 
+def test_joints_that_hardly_move_are_remarked(monkeypatch, capsys):
+    """As where angles in radians are called degrees."""
+    write(Path("a.csv"), lines(MOTION, RAD.replace("_rad", "_deg")))
+    call(monkeypatch, "analyse", "recording=a.csv", "evaluation.figures=false", "out=out")
+    assert "a.csv: hip and ankle move by 0.21 and 0.1 deg, one of them by less than" in capsys.readouterr().out
+
+
 def test_a_motion_without_one_frequency_is_remarked(monkeypatch, capsys):
     """And a motion that the body cannot make: a head that moves by 1 m to either side, twice a second."""
     time = times(30.0, 50.0)
