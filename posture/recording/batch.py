@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import signal
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from pathlib import Path
 
 from envs.body.segments import Segments
 from posture.config.analyse import AnalyseConfig
+from posture.operating_system import block_signals
 from posture.recording.trial import Trial, analyse
 
 SERIAL = 8
@@ -47,7 +49,9 @@ def analyse_all(paths: Sequence[Path], config: AnalyseConfig, body: Segments | N
         return [analyst(path) for path in paths]
     with ProcessPoolExecutor(min(processes, len(paths)), get_context("spawn")) as pool:
         try:
-            return list(pool.map(analyst, paths))
+            with block_signals((signal.SIGINT,)):  # Ctrl-C reaches all processes of a terminal; this one is enough
+                found = pool.map(analyst, paths)
+            return list(found)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)  # one bad file is enough
             raise

@@ -109,8 +109,8 @@ def notes(trials: Sequence[Trial], config: AnalyseConfig) -> list[str]:
             lines.append(f"{name}: no whole cycle of {one.freq_hz:.3g} Hz without a gap after the transient")
         if min(one.hip_range_deg, one.ankle_range_deg) < config.evaluation.still_joint_deg:
             lines.append(
-                f"{name}: hip and ankle move by {one.hip_range_deg:.2g} and {one.ankle_range_deg:.2g} deg, one of them by less "
-                "than evaluation.still_joint_deg; if that is wrong, angle_unit= sets the unit"
+                f"{name}: hip and ankle move by {one.hip_range_deg:.2g} and {one.ankle_range_deg:.2g} deg, one of them by "
+                "less than evaluation.still_joint_deg; if that is wrong, angle_unit= sets the unit"
             )
         if config.prediction and trial.least is NO_MOTION and trial.freq_from != "ramp":
             lines.append(f"{name}: the limits of foot and torque allow the body in env no such motion")
