@@ -83,15 +83,10 @@ def analyse_recordings(config: AnalyseConfig, folder: Path) -> None:
 
 def _group_picture(trials: Any, groups: Any, config: AnalyseConfig, body: Any) -> bytes:
     """The figure of the group as a PNG, with the theory's correlation if there is a body."""
-    import io
-
-    from posture.recording.figures import group_figure
+    from posture.recording.figures import group_figure, png
     from posture.recording.trial import least_correlation
 
-    picture = io.BytesIO()
-    theory = None if body is None else least_correlation(body, config.env)
-    group_figure(trials, groups, theory).savefig(picture, format="png")
-    return picture.getvalue()
+    return png(group_figure(trials, groups, None if body is None else least_correlation(body, config.env)))
 
 
 def figure_names(paths: Sequence[Path]) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import signal
 from collections.abc import Sequence
@@ -33,11 +32,9 @@ class Analyst:
         analysed = analyse(path, self.config, self.body)
         if not self.figures:
             return analysed.trial, b""
-        from posture.recording.figures import recording_figure
+        from posture.recording.figures import png, recording_figure  # matplotlib takes a second
 
-        picture = io.BytesIO()
-        recording_figure(analysed).savefig(picture, format="png")
-        return analysed.trial, picture.getvalue()
+        return analysed.trial, png(recording_figure(analysed))
 
 
 def analyse_all(paths: Sequence[Path], config: AnalyseConfig, body: Segments | None) -> list[tuple[Trial, bytes]]:

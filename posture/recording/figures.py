@@ -5,6 +5,7 @@ Angles are drawn in the signs of the simulated body: hip flexion and dorsiflexio
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -25,6 +26,14 @@ BINS = 24
 """Of a rose."""
 MOST_POINTS = 2000
 """Samples of a line; more cannot be seen."""
+
+
+def png(figure: Figure) -> bytes:
+    """A figure as a PNG file."""
+    picture = io.BytesIO()
+    with styled():
+        figure.savefig(picture, format="png")
+    return picture.getvalue()
 
 
 def recording_figure(analysed: Analysed) -> Figure:
