@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Sequence
+from operator import methodcaller
 from pathlib import Path
 
 import numpy as np
@@ -40,7 +41,8 @@ def read_text(path: Path, lines: Sequence[str]) -> Table:
         below = [unit_of(cell) for cell in cells_of(lines[begin], separator)]
         units = [unit or other for unit, other in zip(units, below + len(units) * [""], strict=False)]
         begin += 1
-    rows = np.array([number for number in range(begin, len(lines)) if lines[number] and not lines[number].isspace()])
+    filled = np.fromiter(map(len, map(str.strip, lines)), np.int64) > 0
+    rows = begin + np.flatnonzero(filled[begin:])
     if not len(rows):
         raise refuse(path, "has names of columns, but no rows of numbers")
     general = {"length": "m"} if storage else {}  # OpenSim computes in SI units
@@ -79,7 +81,7 @@ class Rows:
         if self._separator is None:
             return len(self._lines[-1].split()) == len(self._headings)
         marks = len(self._headings) - 1
-        return all(line.count(self._separator) == marks and '"' not in line for line in self._lines)
+        return {*map(methodcaller("count", self._separator), self._lines)} == {marks} and '"' not in "".join(self._lines)
 
     def _cell_by_cell(self, places: Sequence[int]) -> Array:
         width, decimal_comma = len(self._headings), self._separator != ","
