@@ -63,10 +63,11 @@ class Trial:
 
     def cycle_rows(self) -> list[Row]:
         """As in cycles.csv: one row for each cycle."""
+        nothing = np.full(len(self.cycles.start), math.nan)
+        columns = {name: self.cycles.values.get(name, nothing) for name in ("phase_deg", *CYCLE_VALUES)}
         return [
             {"recording": str(self.path), "subject": self.subject, "cycle": i + 1, "start_s": float(start)}
-            | {name: float(self.cycles.values.get(name, nothing)[i]) for name in ("phase_deg", *CYCLE_VALUES)}
-            for nothing in [[math.nan] * len(self.cycles.start)]
+            | {name: float(values[i]) for name, values in columns.items()}
             for i, start in enumerate(self.cycles.start)
         ]
 
