@@ -62,6 +62,7 @@ def analyse_recordings(config: AnalyseConfig, folder: Path) -> None:
             (folder / name).unlink(missing_ok=True)  # of an earlier analysis
 
     written: list[str] = []
+    (folder / "analysis.yaml").unlink(missing_ok=True)  # it describes an earlier analysis
     write_table("metrics.csv", [trial.as_row(config.prediction) for trial in trials])
     write_table("cycles.csv", [row for trial in trials for row in trial.cycle_rows()])
     write_table("group.csv", [asdict(row) for row in groups])

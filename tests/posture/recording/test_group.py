@@ -1,14 +1,17 @@
 """Subjects and frequencies together, by hand."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from posture.analysis.results import RampTransitions
 from posture.config.errors import ConfigError
 from posture.recording.group import conditions, group
 from posture.recording.indices import Cycles, Indices
+from posture.recording.tables import group_columns
 from posture.recording.trial import Trial, subject_of
 
 
@@ -45,6 +48,19 @@ def test_conditions_are_close_to_their_lowest_frequency_and_ramps_are_last():
     trials = [trial("A", freq, [0], 1.0) for freq in (0.36, math.nan, 0.30, 0.32, 0.34, math.nan)]
     found = [[one.indices.freq_hz for one in own] for own in conditions(trials, 0.05)]
     assert found[:2] == [[0.30, 0.32, 0.34], [0.36]] and len(found) == 3 and len(found[2]) == 2
+
+
+def test_transitions_of_ramps():
+    """0.6 and 0.7 Hz: mean 0.65, sd 0.0707, Student's t for 1 degree of freedom 12.7062, so 0.65 -+ 12.7062 x 0.05."""
+    trials = []
+    for subject, freq in (("A", 0.6), ("B", 0.7)):
+        one = trial(subject, math.nan, [], 0.0)
+        trials.append(replace(one, indices=replace(one.indices, ramp=RampTransitions(transition_centred_hz=freq))))
+    *_, together = group(trials, 0.03)
+    assert together.transition_mean_hz == pytest.approx(0.65)
+    assert together.transition_high_hz - together.transition_mean_hz == pytest.approx(0.63531, abs=1e-4)
+    headings = [column.heading for column in group_columns([together])]
+    assert "centred f* [Hz]" in headings and "Rayleigh p" not in headings
 
 
 def test_subjects_of_paths():
