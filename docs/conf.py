@@ -36,7 +36,15 @@ include_patterns = [
 exclude_patterns = [".*", "build", "runs"]  # folders that are not searched
 
 NAVIGATION = {
-    "Start": ["Overview <self>", "docs/introduction", "docs/notebooks/switch", "docs/commands", "docs/gallery"],
+    "Start": [
+        "Overview <self>",
+        "docs/introduction",
+        "docs/notebooks/switch",
+        "docs/people",
+        "docs/notebooks/people",
+        "docs/commands",
+        "docs/gallery",
+    ],
     "Findings": ["docs/results", "results/reproduction/summary", "docs/reproduction", "results/lqr/table"],
     "Background": ["docs/task", "docs/bodies", "docs/many_bodies", "docs/physics", "docs/theory", "docs/learning"],
     "Operation": ["docs/training", "docs/speed", "docs/scale", "docs/gymnasium", "docs/export", "docs/robustness"],

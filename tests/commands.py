@@ -12,7 +12,10 @@ import torch
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.hydra_config import HydraConfig
 
+from posture.analyse import analyse_recordings
+from posture.analyse import check as check_analyse
 from posture.cli import entry
+from posture.config.analyse import AnalyseConfig
 from posture.config.dynamics import DynamicsConfig
 from posture.config.eval import EvalConfig
 from posture.config.export import ExportConfig
@@ -64,6 +67,7 @@ ENTRIES = {
     "train": (TrainConfig, train, check_train),
     "import_checkpoint": (ImportConfig, import_checkpoint),
     "eval": (EvalConfig, evaluate_all),
+    "analyse": (AnalyseConfig, analyse_recordings, check_analyse),
     "map": (MapConfig, make_map, check_map),
     "dynamics": (DynamicsConfig, examine, check_dynamics),
     "theory": (TheoryConfig, theory),

@@ -38,7 +38,12 @@ SHRINK = {
 SHRINK_RESUMED = ["max_iterations=102"]  # a resumed run keeps all else
 
 # Which command makes the figures that the documents show, by file or folder.
-FIGURES = {"results/film/": "film", "docs/theory_map.png": "theory", "results/reproduction/figures/": "reproduce"}
+FIGURES = {
+    "results/film/": "film",
+    "docs/theory_map.png": "theory",
+    "docs/people_group.png": "analyse",
+    "results/reproduction/figures/": "reproduce",
+}
 
 
 def code_blocks(text):

@@ -15,6 +15,7 @@ LIGHT = [
     "posture.config",
     "posture.storage",
     "posture.analysis",
+    "posture.recording",
     "posture.theory",
     "posture.drawing",
     "posture.reproduce",

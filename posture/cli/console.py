@@ -10,6 +10,7 @@ COMMANDS = {
     "train": "train a policy, then evaluate it",
     "import_checkpoint": "a run folder from a checkpoint of rsl-rl's own runner",
     "eval": "evaluate a policy: indices, tables, figures",
+    "analyse": "recordings of people: the same indices, with intervals, and theory",
     "map": "one policy on many bodies, beside the theory of each",
     "dynamics": "hysteresis, fluctuations and recovery of a policy, beside those of people",
     "theory": "the torque-optimal stander beside the paper's experiments",
@@ -18,7 +19,7 @@ COMMANDS = {
     "film": "films of a policy, MP4 and GIF",
     "export": "a policy's trajectories for OpenSim and CSV, and itself as ONNX",
 }
-IN_ONE_FILE = ("train", "import_checkpoint", "eval")
+IN_ONE_FILE = ("train", "import_checkpoint", "eval", "analyse")
 """Commands that are modules; the others are packages with a __main__."""
 USAGE = "usage: posture COMMAND [KEY=VALUE ...]     settings of a command: posture COMMAND --help"
 

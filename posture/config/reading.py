@@ -19,6 +19,7 @@ _SHAPES = {
     "Schedule": "a schedule {start: .., end: .., until: ..}",
     "Ramp": "a ramp {start: .., rate: .., duration: ..} in quotes",
     "none": "none",
+    "estimate": "estimate",
 }
 """Allowed values of a key, by a word in pydantic's name for that alternative."""
 

@@ -17,10 +17,13 @@ from posture.config.published import CONF, Published
 from posture.config.reading import read
 from tests.commands import ENTRIES, answer
 
-COMMANDS = ["train", "eval", "map", "theory", "reproduce", "export"]
+COMMANDS = ["train", "eval", "analyse", "map", "theory", "reproduce", "export"]
 """`play` and `film` have tests of their own."""
-TEXTS = {"device", "resume", "init", "ckpt", "out", "overrides", "actor", "critic", "observations", "log_ranges"}
-"""Keys whose text is checked by functions: paths, devices, names of observations and ranges, further command lines."""
+TEXTS = {"device", "resume", "init", "ckpt", "out", "overrides", "actor", "critic", "observations", "log_ranges"} | {
+    "recording", "subject", "columns"
+}  # fmt: skip
+"""Keys whose text is checked by functions: paths, devices, names of observations, ranges and columns, a regular expression,
+further command lines."""
 
 
 def composed(command):

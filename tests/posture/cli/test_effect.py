@@ -43,6 +43,11 @@ REFUSED = [
     ("export", ["evaluation.figures=false"], "evaluation.figures: has no effect on an export"),
     ("export", ["what=[policy]", "env.load=1"], "env.load: has no effect without trajectories in what"),
     ("export", ["what=[policy]", "in_degrees=true"], "in_degrees: has no effect without trajectories in what"),
+    ("analyse", ["evaluation.duration=5"], "evaluation.duration: has no effect on recordings"),
+    ("analyse", ["window=5"], "window: has no effect without ramp"),
+    ("analyse", ["ramp=estimate", "freq=0.5"], "freq: has no effect beside ramp"),
+    ("analyse", ["env.load=1"], "env.load: has no effect without prediction=true"),
+    ("analyse", ["prediction=true", "env.physics=mujoco"], "env.physics: has no effect on the prediction"),
     ("film", ["films=[ramp]", "env.freq=0.3"], "env.freq: has no effect without two_modes in films"),
     ("film", ["films=[two_modes]", "env.ramp.start=0.1"], "env.ramp.start: has no effect without ramp in films"),
     ("play", ["evaluation.freq=[1]"], "evaluation.freq: has no effect on the page"),
@@ -54,6 +59,8 @@ REFUSED = [
     ("reproduce", ["launcher=basic", "parallel=3"], "parallel: has no effect with launcher=basic"),
 ]
 ALLOWED = [
+    ("analyse", ["env.torque_limit=50"]),
+    ("analyse", ["prediction=true", "env.load=1", "prediction_tolerance=0.01"]),
     ("eval", ["policy=lqr", "lqr.angle=0.2", "lqr.env.load=1", "env.hip_k=60"]),
     ("eval", ["policy=lqr", "env/body=anthropometric", "env.body.mass=60"]),
     ("theory", ["env/body=anthropometric", "env.body.sex=female"]),

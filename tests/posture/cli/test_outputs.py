@@ -30,6 +30,7 @@ SWEPT = {
     "train": "seed=1,2",
     "import_checkpoint": "seed=1,2",
     "eval": "evaluation.transient=5,10",
+    "analyse": "evaluation.transient=5,10",
     "map": "random=10,20",
     "theory": "env.load=0,1",
     "film": "env.load=0,1",

@@ -1,0 +1,82 @@
+"""C3D files of motion capture systems, read by ezc3d: of each point the columns LABEL.x, LABEL.y and LABEL.z, and one for
+each analogue channel, its mean over the samples of a frame. Samples are named by the numbers of their frames, from 1."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from posture.analysis.trajectory import Array
+from posture.config.errors import ConfigError
+from posture.recording.table import Table, refuse, unit_of
+
+SUFFIX = ".c3d"
+_AXES = ("x", "y", "z")
+
+
+def check_installed() -> None:
+    """Raise ConfigError if ezc3d is missing."""
+    if importlib.util.find_spec("ezc3d") is None:
+        raise ConfigError("c3d files need ezc3d, which is not installed: python -m pip install ezc3d")
+
+
+def read_c3d(path: Path) -> Table:
+    """The table of a C3D file. Raises ConfigError where it cannot be read or has no frames."""
+    check_installed()
+    import ezc3d
+
+    try:
+        path.open("rb").close()  # ezc3d's own message does not say why
+    except OSError as error:
+        raise refuse(path, f"cannot be read: {error.strerror}") from None
+    try:
+        content = ezc3d.c3d(str(path))
+        parameters, points = content["parameters"], np.asarray(content["data"]["points"], dtype=np.float64)
+        analogs = np.asarray(content["data"]["analogs"], dtype=np.float64)
+        labels, channels = _texts(parameters["POINT"], "LABELS"), _texts(parameters.get("ANALOG", {}), "LABELS")
+        rate = float(parameters["POINT"]["RATE"]["value"][0])
+        missing = np.asarray(content["data"]["meta_points"]["residuals"])[0] < 0  # (points, frames)
+    except Exception as error:  # ezc3d raises what its parser meets
+        text = " ".join(str(error).split())
+        raise refuse(path, f"is not a C3D file that ezc3d can read ({type(error).__name__}: {text:.100})") from None
+    frames = points.shape[2]
+    if not frames or not rate > 0 or not labels:
+        raise refuse(path, f"has {frames} frames of {len(labels)} points at {rate:g} Hz")
+    length, angle = (unit_of("".join(_texts(parameters["POINT"], name)[:1])) for name in ("UNITS", "ANGLE_UNITS"))
+    labels, channels = labels[: points.shape[1]], channels[: analogs.shape[1]]
+
+    def column(place: int) -> Array:
+        point, axis = divmod(place, len(_AXES))
+        if point < len(labels):
+            return np.where(missing[point], np.nan, points[axis, point])
+        channel = analogs[0, place - len(_AXES) * len(labels)]
+        return np.asarray(channel.reshape(frames, -1).mean(axis=1))
+
+    def values(places: Sequence[int]) -> Array:
+        return np.stack([column(place) for place in places], axis=1)
+
+    names = [f"{label}.{axis}" for label in labels for axis in _AXES] + channels
+    return Table(
+        path,
+        names,
+        len(names) * [""],
+        {kind: unit for kind, unit in (("length", length), ("angle", angle)) if unit},
+        rate,
+        np.arange(1, frames + 1),
+        values,
+        row_word="frame",
+    )
+
+
+def _texts(group: Any, name: str) -> list[str]:
+    """A parameter that is a list of texts, with its continuations LABELS2, LABELS3, ..; [] where it is missing."""
+    found: list[str] = []
+    for key in (name, *(f"{name}{number}" for number in range(2, 100))):
+        if key not in group:
+            break
+        found += [str(text).strip() for text in group[key]["value"]]
+    return found
