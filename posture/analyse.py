@@ -41,7 +41,7 @@ def analyse_recordings(config: AnalyseConfig, folder: Path) -> None:
     pictures = figure_names(paths)
     run_dir.writable(folder, *FILES, *GROUP_FILES, *pictures)
     body = None
-    if config.prediction:
+    if config.predicts:
         from envs.body.segments import read_segments
 
         body = read_segments(config.env)
@@ -63,7 +63,7 @@ def analyse_recordings(config: AnalyseConfig, folder: Path) -> None:
 
     written: list[str] = []
     (folder / "analysis.yaml").unlink(missing_ok=True)  # it describes an earlier analysis
-    write_table("metrics.csv", [trial.as_row(config.prediction) for trial in trials])
+    write_table("metrics.csv", [trial.as_row(config.predicts) for trial in trials])
     write_table("cycles.csv", [row for trial in trials for row in trial.cycle_rows()])
     write_table("group.csv", [asdict(row) for row in groups])
     tables: list[Callable[[Callable[..., str]], str]] = [lambda form: form(trials, recording_columns(trials))]
@@ -107,7 +107,7 @@ def _record(paths: Sequence[Path], config: AnalyseConfig) -> dict[str, Any]:
     """What was analysed, how, and by which versions."""
     return {
         "recordings": [{"file": str(path), "sha256": hashlib.sha256(path.read_bytes()).hexdigest()} for path in paths],
-        "analysis": config.model_dump(mode="json", exclude={"recording"} if config.prediction else {"recording", "env"}),
+        "analysis": config.model_dump(mode="json", exclude={"recording"} if config.predicts else {"recording", "env"}),
         "versions": {name: importlib.metadata.version(name) for name in VERSIONS},
     }
 

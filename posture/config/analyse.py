@@ -90,10 +90,15 @@ class AnalyseConfig(CommandConfig):
     resample: Rate | None
     own_figures: Annotated[int, Field(ge=0, le=100_000)]
     same_freq: Annotated[float, Field(ge=0, le=10)]
-    prediction: bool
+    prediction: bool | None
     prediction_tolerance: Annotated[float, Field(gt=0, le=2)]
     env: EnvConfig
     evaluation: EvaluationConfig
+
+    @property
+    def predicts(self) -> bool:
+        """Whether theory is drawn beside the recordings: where that is asked for, or `env` has the body of a person."""
+        return self.env.body is not None if self.prediction is None else self.prediction
 
     def without_effect(self) -> dict[str, str]:
         """See `CommandConfig`."""
@@ -101,7 +106,7 @@ class AnalyseConfig(CommandConfig):
         unused |= {"window": "without ramp"} if self.ramp is None else {"freq": "beside ramp"}
         if not self.evaluation.figures:
             unused["own_figures"] = "without evaluation.figures"
-        if self.prediction:
+        if self.predicts:
             return unused | dict.fromkeys((f"env.{key}" for key in UNUSED), "on the prediction")
         used = {"torque_limit", "control_dt"}
         unused["prediction_tolerance"] = "without prediction=true"
@@ -109,7 +114,7 @@ class AnalyseConfig(CommandConfig):
 
     @model_validator(mode="after")
     def _consistent(self) -> "AnalyseConfig":
-        if self.prediction:
+        if self.predicts:
             one_body(self.env, "the prediction is of one body")
         if self.high_pass is not None and self.low_pass is not None and self.high_pass >= self.low_pass:
             raise ValueError(f"high_pass: {self.high_pass:g} Hz leaves nothing below the low_pass of {self.low_pass:g} Hz")

@@ -112,6 +112,6 @@ def notes(trials: Sequence[Trial], config: AnalyseConfig) -> list[str]:
                 f"{name}: hip and ankle move by {one.hip_range_deg:.2g} and {one.ankle_range_deg:.2g} deg, one of them by "
                 "less than evaluation.still_joint_deg; if that is wrong, angle_unit= sets the unit"
             )
-        if config.prediction and trial.least is NO_MOTION and trial.freq_from != "ramp":
+        if config.predicts and trial.least is NO_MOTION and trial.freq_from != "ramp":
             lines.append(f"{name}: the limits of foot and torque allow the body in env no such motion")
     return lines
