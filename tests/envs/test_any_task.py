@@ -8,7 +8,7 @@ import torch
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from envs.config import EnvConfig
+from envs.config import EnvConfig, Person
 from envs.task.head_tracking import HeadTrackingEnv
 from posture.config.errors import ConfigError
 from posture.config.eval import LqrConfig
@@ -52,6 +52,15 @@ def allowed(kind, values, changes):
         return None
 
 
+def whole(path, end):
+    """A change with all that belongs together: both coordinates of a place, and all measures of a body."""
+    if path == ("load_at",):
+        return path, (end, end)
+    if path[0] == "body":
+        return ("body",), Person(**{"mass": 70, "height": 1.7, "sex": "male"} | {path[1]: end})
+    return path, end
+
+
 def schedule(weight):
     return {"start": weight, "end": weight, "until": 0.75}
 
@@ -66,9 +75,7 @@ TASK = with_changes(
     ],
 )
 """The default task with a schedule wherever one is possible."""
-ENDS = [
-    (path, (end, end) if path == ("load_at",) else end) for path, end in ends(EnvConfig) if path[0] not in ("ramp", "ranges")
-]
+ENDS = [whole(path, end) for path, end in ends(EnvConfig) if path[0] not in ("ramp", "ranges")]
 ALONE = [(path, end) for path, end in ENDS if allowed(EnvConfig, TASK, [(path, end)])]
 
 
@@ -90,9 +97,11 @@ def test_only_ends_that_contradict_another_key_are_refused_alone():
         ("termination.head_tolerance", 2),
         ("reward.tolerance", 2),
         ("solver.substeps", 1),
+        ("termination.fall_height", 2),
+        ("body", Person(mass=70, height=1.0, sex="male")),  # its shoulders are lower than the default's fall_height
     }
     expected = schedules | {(tuple(name.split(".")), end) for name, end in others}
-    assert set(ENDS) - set(ALONE) == expected and len(expected) == 19
+    assert set(ENDS) - set(ALONE) == expected and len(expected) == 21
     assert len(ALONE) >= 70
 
 
@@ -114,7 +123,7 @@ def check_task(config):
     assert len(diverged) == STEPS and not any(diverged[: STEPS // 2])
 
 
-@pytest.mark.parametrize(("path", "end"), ALONE, ids=lambda x: ".".join(map(str, x)) if isinstance(x, tuple) else f"{x:g}")
+@pytest.mark.parametrize(("path", "end"), ALONE, ids=lambda x: ".".join(map(str, x)) if isinstance(x, tuple) else str(x))
 def test_each_end_alone(path, end):
     check_task(allowed(EnvConfig, TASK, [(path, end)]))
 
