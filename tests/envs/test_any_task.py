@@ -8,7 +8,7 @@ import torch
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from envs.config import EnvConfig
+from envs.config import EnvConfig, Person
 from envs.task.head_tracking import HeadTrackingEnv
 from posture.config.errors import ConfigError
 from posture.config.eval import LqrConfig
@@ -52,6 +52,15 @@ def allowed(kind, values, changes):
         return None
 
 
+def whole(path, end):
+    """A change with all that belongs together: both coordinates of a place, and all measures of a body."""
+    if path == ("load_at",):
+        return path, (end, end)
+    if path[0] == "body":
+        return ("body",), Person(**{"mass": 70, "height": 1.7, "sex": "male"} | {path[1]: end})
+    return path, end
+
+
 def schedule(weight):
     return {"start": weight, "end": weight, "until": 0.75}
 
@@ -66,12 +75,10 @@ TASK = with_changes(
     ],
 )
 """The default task with a schedule wherever one is possible."""
-ELSEWHERE = ("ramp", "ranges", "body", "sensing.noise")
-"""Records that the default task has not; tests of their own are elsewhere."""
 ENDS = [
-    (path, (end, end) if path == ("load_at",) else end)
+    whole(path, end)
     for path, end in ends(EnvConfig)
-    if path[0] not in ELSEWHERE and ".".join(path[:2]) not in ELSEWHERE
+    if path[0] not in ("ramp", "ranges") and path[:2] != ("sensing", "noise")  # which the default task has not
 ]
 ALONE = [(path, end) for path, end in ENDS if allowed(EnvConfig, TASK, [(path, end)])]
 
@@ -92,12 +99,13 @@ def test_only_ends_that_contradict_another_key_are_refused_alone():
         ("amplitude", 0.001),
         ("control_dt", 0.1),
         ("termination.head_tolerance", 2),
-        ("termination.fall_height", 2),
         ("reward.tolerance", 2),
         ("solver.substeps", 1),
+        ("termination.fall_height", 2),
+        ("body", Person(mass=70, height=1.0, sex="male")),  # its shoulders are lower than the default's fall_height
     }
     expected = schedules | {(tuple(name.split(".")), end) for name, end in others}
-    assert set(ENDS) - set(ALONE) == expected and len(expected) == 20
+    assert set(ENDS) - set(ALONE) == expected and len(expected) == 21
     assert len(ALONE) >= 70
 
 
@@ -119,7 +127,7 @@ def check_task(config):
     assert len(diverged) == STEPS and not any(diverged[: STEPS // 2])
 
 
-@pytest.mark.parametrize(("path", "end"), ALONE, ids=lambda x: ".".join(map(str, x)) if isinstance(x, tuple) else f"{x:g}")
+@pytest.mark.parametrize(("path", "end"), ALONE, ids=lambda x: ".".join(map(str, x)) if isinstance(x, tuple) else str(x))
 def test_each_end_alone(path, end):
     check_task(allowed(EnvConfig, TASK, [(path, end)]))
 
