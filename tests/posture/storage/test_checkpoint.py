@@ -35,7 +35,8 @@ def refusal(path):
     with warnings.catch_warnings(record=True) as warned, pytest.raises(ConfigError) as refused:
         warnings.simplefilter("always")
         checkpoint.load(path, "cpu")
-    assert not warned  # a warning would be a second line
+    # A warning would be a second line; those of files that earlier tests left open come whenever memory is freed.
+    assert not [str(one.message) for one in warned if not issubclass(one.category, ResourceWarning)]
     line = str(refused.value)
     assert line.startswith(f"{path}: ") and "\n" not in line
     return line
