@@ -354,6 +354,8 @@ class EnvConfig(Strict):
                     f"sensing.exact: {group} is no group of observations; allowed are {', '.join(self.observations)}"
                 )
         sensed = {term for group, terms in self.observations.items() if group not in sensing.exact for term in terms}
+        if not sensed and not sensing.is_exact:
+            raise ValueError("sensing.exact: it names all groups with terms, so that nothing is sensed late or with noise")
         for name, noise in sensing.noise.items():
             if name not in TERMS:
                 raise ValueError(f"sensing.noise: unknown {name}; allowed are {', '.join(sorted(sensed)) or 'none'}")

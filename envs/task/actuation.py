@@ -7,7 +7,7 @@ import warp as wp
 from envs.config import EnvConfig
 from envs.engines.launch import Launch
 from envs.task.episodes import Episodes
-from envs.task.target import generator
+from envs.task.target import normal, random_bits
 
 wp.set_module_options({"fuse_fp": False})
 
@@ -26,11 +26,11 @@ def _actuate(
 ) -> None:
     """One control step of a world. Left and right have the same noise, as they have the same command."""
     i = wp.tid()
-    random = generator(seeds[1], world[i], episode[i], step[i])
+    bits = random_bits(seeds[1], world[i], episode[i], step[i])
     kinds = command.shape[1] // 2
     for kind in range(kinds):
         active = keep * activation[i, kind] + (1.0 - keep) * command[i, kind]
-        torque = wp.clamp(active * (1.0 + noise * wp.randn(random)), -1.0, 1.0)
+        torque = wp.clamp(active * (1.0 + noise * normal(bits, kind)), -1.0, 1.0)
         if wp.isnan(active):
             torque = active
         for side in range(2):

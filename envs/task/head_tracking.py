@@ -29,6 +29,9 @@ _SAVED = {"episode_length_buf": "step"} | {
 }
 """Tensors of `Episodes` that later steps depend on, by their names in a saved state."""
 
+SENSED = ("now", "drift", "past")
+"""Tensors of `Senses` that are saved, too."""
+
 LOG = ("/tracking_error_mm", "/cost", "/ended", "/diverged")
 """What a step measures, under the names that rsl-rl's logger shows."""
 
@@ -101,14 +104,15 @@ class HeadTrackingEnv(VecEnv):
         if self.sim.replays_graph:
             self._move()
         *groups, reward, done, time_out, log = self._rest_of_step() if self._graph is None else self._graph()
-        return self._named(groups), reward, done, {"time_outs": time_out, "log": dict(zip(LOG, log.unbind(), strict=True))}
+        observation = self._named(dict(zip(self.config.observations, groups, strict=True)))
+        return observation, reward, done, {"time_outs": time_out, "log": dict(zip(LOG, log.unbind(), strict=True))}
 
     def get_observations(self) -> TensorDict:
         """The groups of `env.observations`, each (N, size) with its terms side by side; a group without terms is (N, 0).
 
         Where `env.sensing` is not exact, they are as sensed after the last step or reset.
         """
-        return self._named(self._exact() if self._senses is None else self._sensed(self._senses))
+        return self._named(self._as_sensed(self._exact()))
 
     def follow(self, freq: torch.Tensor) -> None:
         """From its next episode on, world i follows a target of the constant frequency `freq`[i] [Hz], (N,)."""
@@ -127,13 +131,14 @@ class HeadTrackingEnv(VecEnv):
     def reset_all(self) -> TensorDict:
         """Begin a new episode in every world."""
         self._reset(torch.ones(self.num_envs, dtype=torch.bool, device=self.sim.device))
-        return self._named(self._observe())
+        self._observe()
+        return self.get_observations()
 
     def state_dict(self) -> dict[str, Any]:
         """A copy of everything that later steps depend on: physics, episodes, last action and training progress."""
         own = {name: getattr(self.episodes, attribute).clone() for name, attribute in _SAVED.items()}
         if self._senses is not None:
-            own |= {name: getattr(self._senses, name).clone() for name in ("drift", "past")}
+            own |= {name: getattr(self._senses, name).clone() for name in SENSED}
         progress = {"steps": int(self.steps), "training_steps": self.training_steps}
         return {**progress, "simulation": self.sim.state_dict(), **own}
 
@@ -153,8 +158,8 @@ class HeadTrackingEnv(VecEnv):
         self.sim.apply_drawn(self._drawn)
         self.episodes.restore()
         if self._senses is not None:
-            self._senses.drift.copy_(state["drift"])
-            self._senses.past.copy_(state["past"])
+            for name in SENSED:
+                getattr(self._senses, name).copy_(state[name])
             self._senses.restore()
 
     def _task_state(self) -> TaskState:
@@ -216,26 +221,27 @@ class HeadTrackingEnv(VecEnv):
 
     def _observe(self, mask: torch.Tensor | None = None) -> list[torch.Tensor]:
         """The groups of observations after a step, or after a reset of the worlds of `mask` (N,) bool."""
-        exact = self._exact()
+        groups = self._exact()
+        if self._senses is not None:
+            torch.cat([groups[name] for name in self._senses.sizes], dim=-1, out=self._senses.exact)
+            self._senses.sense(mask)
+        return list(self._as_sensed(groups).values())
+
+    def _as_sensed(self, groups: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+        """Exact `groups` as the policy observes them after the last step or reset."""
         if self._senses is None:
-            return exact
-        torch.cat(exact, dim=-1, out=self._senses.exact)
-        self._senses.sense(mask)
-        return self._sensed(self._senses)
+            return groups
+        sensed = torch.split(self._senses.sensed.clone(), list(self._senses.sizes.values()), dim=-1)
+        return groups | dict(zip(self._senses.sizes, sensed, strict=True))
 
-    def _sensed(self, senses: Senses) -> list[torch.Tensor]:
-        return list(torch.split(senses.sensed.clone(), list(senses.sizes.values()), dim=-1))
+    def _exact(self) -> dict[str, torch.Tensor]:
+        groups, nothing = self.config.observations, self.state.action[:, :0]
+        names = dict.fromkeys(name for terms in groups.values() for name in terms)
+        values = {name: observations.TERMS[name].function(self.state) for name in names}
+        return {name: torch.cat([nothing, *(values[term] for term in terms)], dim=-1) for name, terms in groups.items()}
 
-    def _exact(self) -> list[torch.Tensor]:
-        nothing = self.state.action[:, :0]
-        return [
-            torch.cat([nothing, *(observations.TERMS[term].function(self.state) for term in terms)], dim=-1)
-            for terms in self.config.observations.values()
-        ]
-
-    def _named(self, groups: list[torch.Tensor]) -> TensorDict:
-        named = dict(zip(self.config.observations, groups, strict=True))
-        return TensorDict(named, batch_size=[self.num_envs], device=self.sim.device)
+    def _named(self, groups: dict[str, torch.Tensor]) -> TensorDict:
+        return TensorDict(groups, batch_size=[self.num_envs], device=self.sim.device)
 
     def _ended(self) -> torch.Tensor:
         """The worlds whose episode ends early, (N,) bool."""

@@ -15,10 +15,11 @@ from envs.task.senses_kernel import SenseArrays
 
 
 class Senses:
-    """The senses of N worlds. exact: (N, S) true values of all terms of all groups, in order, to be written before `sense`.
+    """The senses of N worlds, for all groups of observations that are not exact.
 
-    sensed: (N, V) what the policy observes, group by group; sizes: number of its values in each group. drift: (N, S), in the
-    units of `exact`. past: (N, L, S) readings of the last L control steps, that of step s at s mod L.
+    exact: (N, S) true values of all terms of these groups, in order, to be written before `sense`. sensed: (N, V) what the
+    policy observes of them, group by group; sizes: number of its values in each group. drift: (N, S), in the
+    units of `exact`. now: () number of readings so far; past: (N, L S) the last L of them, number n from (n mod L) S on.
     """
 
     def __init__(self, config: EnvConfig, episodes: Episodes) -> None:
@@ -26,58 +27,60 @@ class Senses:
         steps = sensing.delay_steps(config.control_dt)
         white: list[float] = []
         drift: list[float] = []
-        source: list[int] = []
-        lag: list[int] = []
+        source: list[int] = []  # of each observed value, the reading
+        lag: list[int] = []  # and how many control steps it is late
         self.sizes: dict[str, int] = {}
         for group, terms in config.observations.items():
-            is_exact = group in sensing.exact
+            if group in sensing.exact:
+                continue
             first, late = len(white), list[int]()
             for name in terms:
                 size = len(TERMS[name].components)
-                noise = None if is_exact else sensing.noise.get(name)
+                noise = sensing.noise.get(name)
                 white += [0.0] * size if noise is None else noise.of_values("white", size)
                 drift += [0.0] * size if noise is None else noise.of_values("drift", size)
-                late += [0 if is_exact or TERMS[name].is_own else steps] * size
-            moments = 1 if is_exact else 1 + sensing.history
-            for moment in range(moments):
+                late += [0 if TERMS[name].is_own else steps] * size
+            for moment in range(1 + sensing.history):
                 source += range(first, len(white))
                 lag += [one + moment * sensing.history_step for one in late]
-            self.sizes[group] = moments * len(late)
+            self.sizes[group] = (1 + sensing.history) * len(late)
 
         def zeros(*shape: int) -> torch.Tensor:
             return torch.zeros(n, *shape, device=device)
 
         self.exact, self.drift = zeros(len(white)), zeros(len(white))
-        self.past, self.sensed = zeros(max(lag, default=0) + 1, len(white)), zeros(len(source))
-        self._constants = [
-            torch.tensor(values, device=device, dtype=kind)
-            for values, kind in ((white, torch.float32), (drift, torch.float32), (source, torch.int32), (lag, torch.int32))
-        ]
+        self.past, self.sensed = zeros((max(lag, default=0) + 1) * len(white)), zeros(len(source))
+        self.now = torch.zeros(1, dtype=torch.long, device=device)
+        offset = [reading - late * len(white) for reading, late in zip(source, lag, strict=True)]
+        self._offset = torch.tensor(offset, device=device)
+        self._deviations = [torch.tensor(values, dtype=torch.float32, device=device) for values in (white, drift)]
         keep = math.exp(-config.control_dt / sensing.drift_time)
         arrays = self._arrays(episodes, keep)
         self._mask = torch.ones(n, dtype=torch.bool, device=device)
         self._sense = Launch(senses_kernel.sense, n, [wp.from_torch(self._mask)], [arrays], device)
-        self._read = Launch(senses_kernel.read, n, [], [arrays], device)
 
     def sense(self, mask: torch.Tensor | None) -> None:
         """After a control step, or a reset of the worlds of `mask` (N,) bool: read `exact`, and make `sensed` from it."""
         if mask is None:
             self._mask.fill_(True)
+            self.now += 1
         else:
             self._mask.copy_(mask)
         self._sense()
+        self.restore()
 
     def restore(self) -> None:
         """`sensed` from `past`, after it was changed."""
-        self._read()
+        places = (self.now * self.exact.shape[1] + self._offset) % self.past.shape[1]
+        torch.index_select(self.past, 1, places, out=self.sensed)
 
     def _arrays(self, episodes: Episodes, keep: float) -> Any:
         result = SenseArrays()
         result.keep, result.renew = keep, math.sqrt(1.0 - keep**2)
         for name in ("seeds", "world", "episode", "step"):
             setattr(result, name, wp.from_torch(getattr(episodes, name)))
-        for name in ("exact", "drift", "past", "sensed"):
+        for name in ("now", "exact", "drift", "past"):
             setattr(result, name, wp.from_torch(getattr(self, name)))
-        for name, tensor in zip(("white_sd", "drift_sd", "source", "lag"), self._constants, strict=True):
+        for name, tensor in zip(("white_sd", "drift_sd"), self._deviations, strict=True):
             setattr(result, name, wp.from_torch(tensor))
         return result

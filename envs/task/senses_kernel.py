@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from envs.task.target import generator
+from envs.task.target import normal, random_bits
 
 wp.set_module_options({"fuse_fp": False})
 
@@ -12,8 +12,7 @@ class SenseArrays:
     """The arrays of `Senses`, S readings and V observed values.
 
     white_sd, drift_sd: (S,) standard deviations. A drift is an Ornstein-Uhlenbeck process, of which a control step leaves
-    the share `keep` and adds `renew` times new noise. source, lag: (V,) reading of each observed value, and how many control
-    steps it is late. seeds, world, episode, step: of `Episodes`.
+    the share `keep` and adds `renew` times new noise. seeds, world, episode, step: of `Episodes`.
     """
 
     keep: float
@@ -22,24 +21,12 @@ class SenseArrays:
     world: wp.array[wp.int64]
     episode: wp.array[wp.int64]
     step: wp.array[wp.int64]
+    now: wp.array[wp.int64]
     exact: wp.array2d[float]
     white_sd: wp.array[float]
     drift_sd: wp.array[float]
     drift: wp.array2d[float]
-    past: wp.array3d[float]
-    source: wp.array[wp.int32]
-    lag: wp.array[wp.int32]
-    sensed: wp.array2d[float]
-
-
-@wp.func
-def _observe(arrays: SenseArrays, i: int) -> None:
-    """What world `i` observes of its readings."""
-    kept = arrays.past.shape[1]
-    now = int(arrays.step[i] % wp.int64(kept))
-    for value in range(arrays.sensed.shape[1]):
-        slot = (now - int(arrays.lag[value]) + kept) % kept
-        arrays.sensed[i, value] = arrays.past[i, slot, int(arrays.source[value])]
+    past: wp.array2d[float]
 
 
 @wp.kernel(enable_backward=False)
@@ -48,29 +35,25 @@ def sense(mask: wp.array[wp.bool], arrays: SenseArrays) -> None:
     i = wp.tid()
     if not mask[i]:
         return
-    kept = arrays.past.shape[1]
+    count = arrays.exact.shape[1]
+    size = arrays.past.shape[1]
     began = arrays.step[i] == wp.int64(0)
-    now = int(arrays.step[i] % wp.int64(kept))
-    random = generator(arrays.seeds[0], arrays.world[i], arrays.episode[i], arrays.step[i])
-    for j in range(arrays.exact.shape[1]):
+    now = count * int(arrays.now[0] % wp.int64(size // count))
+    bits = random_bits(arrays.seeds[0], arrays.world[i], arrays.episode[i], arrays.step[i])
+    for j in range(count):
         reading = arrays.exact[i, j]
         if arrays.drift_sd[j] > 0.0:
             if began:
-                arrays.drift[i, j] = arrays.drift_sd[j] * wp.randn(random)
+                arrays.drift[i, j] = arrays.drift_sd[j] * normal(bits, 2 * j)
             else:
-                arrays.drift[i, j] = arrays.keep * arrays.drift[i, j] + arrays.renew * arrays.drift_sd[j] * wp.randn(random)
+                arrays.drift[i, j] = arrays.keep * arrays.drift[i, j] + arrays.renew * arrays.drift_sd[j] * normal(
+                    bits, 2 * j
+                )
             reading += arrays.drift[i, j]
         if arrays.white_sd[j] > 0.0:
-            reading += arrays.white_sd[j] * wp.randn(random)
+            reading += arrays.white_sd[j] * normal(bits, 2 * j + 1)
         if began:
-            for slot in range(kept):
-                arrays.past[i, slot, j] = reading
+            for slot in range(size // count):
+                arrays.past[i, count * slot + j] = reading
         else:
-            arrays.past[i, now, j] = reading
-    _observe(arrays, i)
-
-
-@wp.kernel(enable_backward=False)
-def read(arrays: SenseArrays) -> None:
-    """What is observed of the readings as they are."""
-    _observe(arrays, wp.tid())
+            arrays.past[i, now + j] = reading

@@ -67,10 +67,21 @@ def uniform(seed: wp.uint64, world: wp.uint64, episode: wp.uint64) -> wp.float64
 
 
 @wp.func
-def generator(seed: wp.int64, world: wp.int64, episode: wp.int64, step: wp.int64) -> wp.uint32:
-    """State of Warp's random numbers that depends only on (seed, world, episode, step)."""
-    x = _mix(_mix(_mix(_mix(wp.uint64(seed)) + wp.uint64(world)) + wp.uint64(episode)) + wp.uint64(step))
-    return wp.uint32(x >> wp.uint64(32))
+def random_bits(seed: wp.int64, world: wp.int64, episode: wp.int64, step: wp.int64) -> wp.uint64:
+    """64 random bits that depend only on (seed, world, episode, step)."""
+    return _mix(_mix(_mix(_mix(wp.uint64(seed)) + wp.uint64(world)) + wp.uint64(episode)) + wp.uint64(step))
+
+
+@wp.func
+def normal(bits: wp.uint64, index: int) -> float:
+    """The number `index` of those that belong to `bits`: mean 0, standard deviation 1, between -3.46 and 3.46.
+
+    It is the sum of four uniform numbers, which is nearly normal (kurtosis 2.7) and a tenth of the work.
+    """
+    x = _mix(bits + wp.uint64(index))
+    part = wp.uint64(0xFFFF)
+    total = (x & part) + ((x >> wp.uint64(16)) & part) + ((x >> wp.uint64(32)) & part) + (x >> wp.uint64(48))
+    return (float(int(total)) - 131070.0) * 2.642902e-5  # 2 x 65535 and sqrt(3) / 65536
 
 
 @wp.func
