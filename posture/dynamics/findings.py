@@ -25,6 +25,9 @@ LITERATURE = {
 }
 """What the abstracts say of people."""
 
+NEGLIGIBLE_HZ = 0.01
+"""A smaller mean width is called none, however certain it is [Hz]; the steps of a staircase are 0.05 Hz or more."""
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -76,7 +79,9 @@ def _hysteresis(course: str, switches: Sequence[SwitchRow]) -> Finding:
     own = [row for row in switches if row.course == course]
     seeds = {row.seed: [one.width_hz for one in own if one.seed == row.seed] for row in own}
     value, low, high = _interval(list(seeds.values()))
-    if math.isnan(low):
+    if abs(value) < NEGLIGIBLE_HZ:
+        meaning = f"no hysteresis of {NEGLIGIBLE_HZ:g} Hz or more"
+    elif math.isnan(low):
         meaning = "-" if math.isnan(value) else "no interval: one trial"
     elif low > 0:
         meaning = "hysteresis: each mode lasts beyond the other's switch"

@@ -187,6 +187,8 @@ def test_hysteresis_over_seeds_has_students_interval():
     assert one.found.startswith("no hysteresis") and "Ko et al. 2003" in one.people
     wide = [SwitchRow("ramp", seed, 0, 0.7, 0.5, width) for seed, width in enumerate((0.2, 0.21, 0.19))]
     assert named(findings(wide, [], [], 0.1))["hysteresis_ramp"].found.startswith("hysteresis")
+    tiny = [SwitchRow("ramp", seed, 0, 0.7, 0.698, width) for seed, width in enumerate((0.002, 0.0021, 0.0019))]
+    assert named(findings(tiny, [], [], 0.1))["hysteresis_ramp"].found == "no hysteresis of 0.01 Hz or more"
     reversed_ = [SwitchRow("ramp", seed, 0, 0.5, 0.7, -width) for seed, width in enumerate((0.2, 0.21, 0.19))]
     assert named(findings(reversed_, [], [], 0.1))["hysteresis_ramp"].found.startswith("reversed")
 
