@@ -46,7 +46,15 @@ NAVIGATION = {
         "docs/gallery",
     ],
     "Findings": ["docs/results", "results/reproduction/summary", "docs/reproduction", "results/lqr/table"],
-    "Background": ["docs/task", "docs/bodies", "docs/many_bodies", "docs/physics", "docs/theory", "docs/learning"],
+    "Background": [
+        "docs/task",
+        "docs/bodies",
+        "docs/many_bodies",
+        "docs/human",
+        "docs/physics",
+        "docs/theory",
+        "docs/learning",
+    ],
     "Operation": ["docs/training", "docs/speed", "docs/scale", "docs/gymnasium", "docs/export", "docs/robustness"],
     "Development": ["docs/architecture", "docs/api/index", "CHANGELOG"],
 }
