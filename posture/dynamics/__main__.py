@@ -39,8 +39,6 @@ def examine(config: DynamicsConfig, folder: Path) -> None:
     for model, run in zip(models, runs, strict=True):
         load_policy(checkpoint.load(model, "cpu"), run, model, "cpu")
     run_dir.writable(folder, *FILES)
-    for name in FILES:  # of an earlier start
-        (folder / name).unlink(missing_ok=True)
     steps: list[measures.StepRow] = []
     ramps: list[measures.SwitchRow] = []
     fluctuation: list[measures.FluctuationRow] = []
@@ -62,6 +60,8 @@ def examine(config: DynamicsConfig, folder: Path) -> None:
             relaxation += measures.relaxations_of(*trials.pushed_and_twin(model, run, config), run.seed, config)
     switches = measures.switches_of_steps(steps) + ramps
     found = findings(switches, fluctuation, relaxation, config.near)
+    for name in FILES:  # of an earlier start
+        (folder / name).unlink(missing_ok=True)
     tables: tuple[Sequence[Any], ...] = (steps, switches, fluctuation, relaxation, found)
     for name, rows in zip(FILES, tables, strict=False):
         if rows:

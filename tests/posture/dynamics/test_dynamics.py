@@ -88,6 +88,7 @@ def test_the_command_writes_tables_findings_and_a_figure(monkeypatch, tmp_path, 
         (["what=[ramp,ramp]"], "what: ramp appears 2 times"),
         (["what=[ramp]", "staircase.cycles=20"], "staircase.cycles: has no effect without staircase in what"),
         (["ckpt=nowhere"], "nowhere"),
+        (["device=tpu"], "device: 'tpu' is not known"),
         (["ckpt=[pretrained,pretrained]"], "several policies of one seed"),
     ],
 )
