@@ -32,6 +32,7 @@ SWEPT = {
     "eval": "evaluation.transient=5,10",
     "analyse": "evaluation.transient=5,10",
     "map": "random=10,20",
+    "dynamics": "repeats=2,3",
     "theory": "env.load=0,1",
     "film": "env.load=0,1",
     "export": "env.load=0,1",

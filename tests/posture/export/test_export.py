@@ -271,6 +271,7 @@ def test_names_of_the_components_belong_to_their_values():
         target_x=exact([0.75]), target_vx=exact([0.8]), target_ax=exact([0.9]),
         target_freq=exact([1.1]), target_past=exact([[0.75 - 0.01 * i for i in range(1, PAST + 1)]]),
         action=exact([[0.01 * number[joint] for joint in ("hip_left", "ankle_left") * 2]]),
+        command=exact([[0.01 * number[joint] for joint in ("hip_left", "ankle_left") * 2]]),
         joint_angle=exact([[float(number[joint]) for joint in JOINTS]]),
         joint_velocity=exact([[10.0 * number[joint] for joint in JOINTS]]),
         joint_force=exact([[100.0 * number[joint] for joint in JOINTS]]),

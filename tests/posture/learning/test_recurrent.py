@@ -41,7 +41,7 @@ def test_each_trial_begins_without_memory(monkeypatch, tmp_path, capsys):
     first, second = (rollout(worlds, actor, freq, config.evaluation.duration) for _ in range(2))
     assert (first.head_x == second.head_x).all()
 
-    settings = Settings(1.0, env.hip_k, env.ankle_k, env.load, env.amplitude, 0.025)
+    settings = Settings(1.0, env.hip_k, env.ankle_k, env.load, env.amplitude, 0.025, None)
     stander = PlayEnv(play_config(env), settings)
     policy = TrainedPolicy(model, config)
     with torch.inference_mode():
