@@ -19,11 +19,11 @@ from tests.commands import ENTRIES, answer
 
 COMMANDS = ["train", "eval", "analyse", "map", "theory", "reproduce", "export"]
 """`play` and `film` have tests of their own."""
-TEXTS = {"device", "resume", "init", "ckpt", "out", "overrides", "actor", "exact", "critic", "observations", "log_ranges"} | {
-    "recording", "subject", "columns"
+TEXTS = {"device", "resume", "init", "ckpt", "out", "overrides", "actor", "critic", "observations", "log_ranges"} | {
+    "recording", "subject", "columns", "exact"
 }  # fmt: skip
-"""Keys whose text is checked by functions: paths, devices, names of observations, ranges and columns, a regular expression,
-further command lines."""
+"""Keys whose text is checked by functions: paths, devices, names of observations, their groups, ranges and columns, a regular
+expression, further command lines."""
 
 
 def composed(command):
