@@ -22,8 +22,8 @@ COMMANDS = ["train", "eval", "analyse", "map", "theory", "reproduce", "export"]
 TEXTS = {"device", "resume", "init", "ckpt", "out", "overrides", "actor", "critic", "observations", "log_ranges"} | {
     "recording", "subject", "columns", "exact"
 }  # fmt: skip
-"""Keys whose text is checked by functions: paths, devices, names of observations, their groups, ranges and columns, a regular
-expression, further command lines."""
+"""Keys whose text is checked by functions: paths, devices, names of observations, their groups, ranges and columns, a
+regular expression, further command lines."""
 
 
 def composed(command):
