@@ -351,7 +351,7 @@ class EnvConfig(Strict):
         for group in sensing.exact:
             if group not in self.observations:
                 raise ValueError(
-                    f"sensing.exact: {group} is no group of observations; allowed are {', '.join(self.observations)}"
+                    f"sensing.exact: no group of observations is called {group}; allowed are {', '.join(self.observations)}"
                 )
         sensed = {term for group, terms in self.observations.items() if group not in sensing.exact for term in terms}
         if not sensed and not sensing.is_exact:

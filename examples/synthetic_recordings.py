@@ -1,4 +1,4 @@
-"""Make the example recordings of docs/people.md: synthetic ones, for which nobody was measured.
+"""Make the example recordings of docs/people.md: synthetic, of no person.
 
     python examples/synthetic_recordings.py [--out examples/recordings]
 
@@ -20,7 +20,7 @@ PHASES = {"S1": (12.0, 168.0), "S2": (25.0, 160.0), "S3": (5.0, 178.0)}  # [deg]
 RANGES = {"slow": (3.0, 4.0), "fast": (8.0, 2.0)}  # [deg] amplitude of hip and ankle
 RAMP = (0.2, 0.02, 40.0)  # [Hz], [Hz/s], [s]
 SWITCH, WIDTH = 0.65, 0.03  # [Hz] where the phase of the ramp passes 90 deg, and how fast
-NOTE = "# synthetic: made by examples/synthetic_recordings.py, nobody was measured"
+NOTE = "# synthetic: made by examples/synthetic_recordings.py, of no person"
 COLUMNS = "time_s,target_x_m,head_x_m,hip_flexion_r_deg,ankle_angle_r_deg"
 
 

@@ -6,7 +6,6 @@ python -m posture.analyse 'recording=data/*.mot' 'subject=S\\d+' prediction=true
 """
 
 import hashlib
-import importlib.metadata
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -14,14 +13,13 @@ from typing import Any
 
 from posture.cli import entry
 from posture.config.analyse import AnalyseConfig
-from posture.storage import run_dir, yaml_files
+from posture.storage import provenance, run_dir, yaml_files
 
 # Modules that import the physics, scipy or matplotlib are imported inside functions: bad input must not wait for them.
 
 FILES = ("metrics.csv", "cycles.csv", "table.md", "analysis.yaml")
 """What every analysis writes, and what several recordings have beside it."""
 GROUP_FILES = ("group.csv", "group.png")
-VERSIONS = ("posture", "numpy", "scipy")
 
 
 def analyse_recordings(config: AnalyseConfig, folder: Path) -> None:
@@ -108,7 +106,7 @@ def _record(paths: Sequence[Path], config: AnalyseConfig) -> dict[str, Any]:
     return {
         "recordings": [{"file": str(path), "sha256": hashlib.sha256(path.read_bytes()).hexdigest()} for path in paths],
         "analysis": config.model_dump(mode="json", exclude={"recording"} if config.predicts else {"recording", "env"}),
-        "versions": {name: importlib.metadata.version(name) for name in VERSIONS},
+        "versions": provenance.library_versions(),
     }
 
 

@@ -17,12 +17,6 @@ from envs.config import Person
 
 MJCF = Path(__file__).with_name("humanoid.xml")
 
-# Landmarks of humanoid.xml, heights in the frame of their body [m].
-PAPER_ARM = (-0.47, -0.46, -0.20, 0.03)  # hand, wrist, elbow, shoulder in the HAT
-PAPER_HIP = -0.465  # in the HAT
-PAPER_LEG = (-0.713, -0.3715, 0.0)  # ankle, knee (midway between thigh and shin), hip in the leg
-PAPER_ANKLE = 0.108  # above the ground
-
 
 @lru_cache(maxsize=16)
 def mjcf(person: Person | None) -> str:
@@ -37,10 +31,11 @@ def _with_measures(text: str, body: Anatomy, mass: float) -> str:
     paper = mujoco.MjModel.from_xml_string(text)
     named = {element.get("name"): element for element in root.iter() if element.get("name")}
     head, hat = named["head"], named["hat"]
+    arm_of_paper, leg_of_paper, ankle_of_paper = _landmarks(named)
     # Ratios to the paper's body: of its widths, of the radii of its solids, and of the height of its feet.
     wide = body.stature / (_numbers(hat, "pos")[2] + _numbers(head, "pos")[2] + _numbers(head, "size")[0])
     thick = float(np.sqrt(mass / paper.body_mass.sum() / wide))
-    high = body.ankle / PAPER_ANKLE
+    high = body.ankle / ankle_of_paper
 
     def reshape(name: str, heights: tuple[tuple[float, ...], tuple[float, ...]]) -> None:
         """Move the ends of a solid to other heights, (before, after), and scale the rest."""
@@ -52,7 +47,7 @@ def _with_measures(text: str, body: Anatomy, mass: float) -> str:
         _set(geom, "size", thick * _numbers(geom, "size"))
 
     _set(hat, "pos", np.array([0.0, 0.0, body.shoulder]))
-    trunk = (PAPER_HIP, 0.0), (body.hip - body.shoulder, 0.0)
+    trunk = (_numbers(named["leg_left"], "pos")[2], 0.0), (body.hip - body.shoulder, 0.0)
     for name in ("torso", "upper_waist", "lower_waist", "pelvis"):
         reshape(name, trunk)
     # The head is a capsule about its centre of mass, whose top is that of the body.
@@ -62,8 +57,8 @@ def _with_measures(text: str, body: Anatomy, mass: float) -> str:
     _set(head, "fromto", np.array([0.0, 0.0, at - half, 0.0, 0.0, at + half]))
     _set(head, "size", np.array([radius]))
     del head.attrib["pos"]
-    arm = PAPER_ARM, tuple(height - body.shoulder for height in (body.hand, body.wrist, body.elbow, body.shoulder))
-    leg = PAPER_LEG, (body.ankle - body.hip, body.knee - body.hip, 0.0)
+    arm = arm_of_paper, tuple(height - body.shoulder for height in (body.hand, body.wrist, body.elbow, body.shoulder))
+    leg = leg_of_paper, (body.ankle - body.hip, body.knee - body.hip, 0.0)
     for side, sign in (("left", 1.0), ("right", -1.0)):
         for name in ("upper_arm", "lower_arm", "hand"):
             reshape(f"{name}_{side}", arm)
@@ -93,6 +88,25 @@ def _with_measures(text: str, body: Anatomy, mass: float) -> str:
     _set(sole, "size", high * _numbers(sole, "size"))
     compiler.set("inertiafromgeom", "auto")
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _landmarks(named: dict[str | None, ElementTree.Element]) -> tuple[tuple[float, ...], tuple[float, ...], float]:
+    """Heights in humanoid.xml [m]: hand, wrist, elbow and shoulder in the HAT; ankle, knee and hip in the leg; the ankle
+    above the ground."""
+
+    def ends(name: str) -> tuple[float, float]:
+        """Of a capsule, the upper and the lower one."""
+        upper, lower = _numbers(named[name], "fromto")[[2, 5]]
+        return float(upper), float(lower)
+
+    def at(name: str) -> float:
+        return float(_numbers(named[name], "pos")[2])
+
+    (shoulder, above), (below, wrist) = ends("upper_arm_left"), ends("lower_arm_left")
+    (_, over), (under, _) = ends("thigh_left"), ends("shin_left")
+    ankle = at("foot_left") + at("ankle_left")
+    arm = at("hand_left"), wrist, (above + below) / 2, shoulder
+    return arm, (ankle, (over + under) / 2, 0.0), at("hat") + at("leg_left") + ankle
 
 
 def _add_inertial(element: ElementTree.Element, rigid: Rigid, frame: tuple[float, float, float], side: float) -> None:

@@ -19,7 +19,7 @@ class Senses:
 
     exact: (N, S) true values of all terms of these groups, in order, to be written before `sense`. sensed: (N, V) what the
     policy observes of them, group by group; sizes: number of its values in each group. drift: (N, S), in the
-    units of `exact`. now: () number of readings so far; past: (N, L S) the last L of them, number n from (n mod L) S on.
+    units of `exact`. now: (1,) number of readings so far; past: (N, L S) the last L of them, number n from (n mod L) S on.
     """
 
     def __init__(self, config: EnvConfig, episodes: Episodes) -> None:

@@ -9,10 +9,10 @@ wp.set_module_options({"fuse_fp": False})
 
 @wp.struct
 class SenseArrays:
-    """The arrays of `Senses`, S readings and V observed values.
+    """The arrays of `Senses`, S readings in each world.
 
-    white_sd, drift_sd: (S,) standard deviations. A drift is an Ornstein-Uhlenbeck process, of which a control step leaves
-    the share `keep` and adds `renew` times new noise. seeds, world, episode, step: of `Episodes`.
+    white_sd, drift_sd: (S,) standard deviations, in the units of `exact`. A drift is an Ornstein-Uhlenbeck process, of which
+    a control step leaves the share `keep` and adds `renew` times new noise. seeds, world, episode, step: of `Episodes`.
     """
 
     keep: float

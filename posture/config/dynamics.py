@@ -6,9 +6,12 @@ from pydantic import Field, field_validator, model_validator
 
 from envs.config import Freq, Seconds, Strict, check_once
 from posture.config.checks import CommandConfig, PathText
+from posture.config.eval import EvaluationConfig
 from posture.config.map import Frequencies
 
 Experiment = Literal["staircase", "ramp", "perturbation", "fluctuation"]
+FEWEST_CYCLES = 3
+"""Without which a standard deviation over cycles says nothing."""
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 
 
@@ -77,17 +80,6 @@ class FluctuationConfig(Strict):
     """Trials at constant frequencies."""
 
     freq: Frequencies
-    duration: Seconds
-    transient: Annotated[float, Field(ge=0, le=100_000)]
-
-    @model_validator(mode="after")
-    def _has_cycles(self) -> "FluctuationConfig":
-        if (self.duration - self.transient) * self.freq.low < 3:
-            raise ValueError(
-                f"duration: {self.duration:g} s with a transient of {self.transient:g} s has fewer than 3 cycles at "
-                f"{self.freq.low:g} Hz"
-            )
-        return self
 
 
 class DynamicsConfig(CommandConfig):
@@ -96,8 +88,8 @@ class DynamicsConfig(CommandConfig):
     ckpt: PathText | Annotated[tuple[PathText, ...], Field(min_length=1)]
     device: str
     what: Annotated[tuple[Experiment, ...], Field(min_length=1)]
+    evaluation: EvaluationConfig
     repeats: Annotated[int, Field(ge=1, le=1000)]
-    still_joint_deg: Annotated[float, Field(gt=0, le=360)]
     near: Annotated[float, Field(gt=0, le=1)]
     staircase: StaircaseConfig
     ramp: SlowRamp
@@ -107,9 +99,16 @@ class DynamicsConfig(CommandConfig):
     def without_effect(self) -> dict[str, str]:
         """See `CommandConfig`."""
         experiments = ("staircase", "ramp", "perturbation", "fluctuation")
-        return {name: f"without {name} in what" for name in experiments if name not in self.what}
+        unused = dict.fromkeys(("evaluation.freq", "evaluation.figures"), "on these trials")
+        return unused | {name: f"without {name} in what" for name in experiments if name not in self.what}
 
     @model_validator(mode="after")
     def _consistent(self) -> "DynamicsConfig":
         check_once(self.what, "what")
+        duration, transient, lowest = self.evaluation.duration, self.evaluation.transient, self.fluctuation.freq.low
+        if "fluctuation" in self.what and (duration - transient) * lowest < FEWEST_CYCLES:
+            raise ValueError(
+                f"evaluation.duration: {duration:g} s with a transient of {transient:g} s has fewer than {FEWEST_CYCLES} "
+                f"cycles at {lowest:g} Hz"
+            )
         return self

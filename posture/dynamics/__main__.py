@@ -32,7 +32,7 @@ def examine(config: DynamicsConfig, folder: Path) -> None:
     from posture.evaluation.trial import policy_record
     from posture.learning.networks import load_policy
 
-    models = _models(config)
+    models = run_dir.find_checkpoints(config.ckpt)
     runs = [run_dir.read_config(model.parent) for model in models]
     if len({run.seed for run in runs}) < len(runs):
         raise ConfigError(f"ckpt: {config.ckpt} holds several policies of one seed; allowed is one of each")
@@ -81,16 +81,10 @@ def examine(config: DynamicsConfig, folder: Path) -> None:
     print(*(folder / name for name in FILES if (folder / name).exists()), sep="\n")
 
 
-def _models(config: DynamicsConfig) -> list[Path]:
-    """The checkpoints that `ckpt` names."""
-    names = (config.ckpt,) if isinstance(config.ckpt, str) else config.ckpt
-    return [model for name in names for model in run_dir.find_checkpoints(name)]
-
-
 def check(configs: Sequence[DynamicsConfig], in_sweep: bool) -> None:
     """Raise ConfigError if there is no policy for one of the jobs."""
     for config in configs:
-        _models(config)
+        run_dir.find_checkpoints(config.ckpt)
 
 
 def main() -> None:

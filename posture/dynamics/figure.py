@@ -21,7 +21,7 @@ UP, DOWN = {"color": BLUE, "marker": "^"}, {"color": RED, "marker": "v"}
 def draw(
     steps: Sequence[StepRow], fluctuation: Sequence[FluctuationRow], relaxation: Sequence[RelaxationRow], path: Path
 ) -> None:
-    """Draw what there is to `path`, a line for each seed; grey lines are the switches at constant frequencies."""
+    """Draw the results to `path`, a line for each seed; grey lines mark the switches at constant frequencies."""
     courses = list(dict.fromkeys(row.course for row in steps))
     count = len(courses) + 2 * bool(fluctuation) + bool(relaxation)
     with styled():

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t
 
 from posture.analysis.coordination import circular_mean_sd, sign_change_frequency
-from posture.analysis.statistics import bootstrap_mean
+from posture.analysis.statistics import bootstrap_mean, mean_interval
 from posture.dynamics.measures import FluctuationRow, RelaxationRow, SwitchRow
 
 LITERATURE = {
@@ -125,6 +124,4 @@ def _interval(seeds: Sequence[Sequence[float]]) -> tuple[float, float, float]:
     means = [float(np.mean(values)) for values in known if values]
     if len(means) < 2:
         return bootstrap_mean(known[0]) if len(known) == 1 else (means[0] if means else math.nan, math.nan, math.nan)
-    half = t.ppf(0.975, len(means) - 1) * np.std(means, ddof=1) / math.sqrt(len(means))
-    middle = float(np.mean(means))
-    return middle, float(middle - half), float(middle + half)
+    return mean_interval(means)

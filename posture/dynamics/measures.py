@@ -92,7 +92,7 @@ class RelaxationRow:
 def steps_of(trajectory: Trajectory, steps: Sequence[Step], course: str, seed: int, config: DynamicsConfig) -> list[StepRow]:
     """A row for each step of each repeat; the first `skip` cycles of a step are not counted, and nothing after a fall."""
     rows = []
-    dt, still = trajectory.control_dt, math.radians(config.still_joint_deg)
+    dt, still = trajectory.control_dt, math.radians(config.evaluation.still_joint_deg)
     for world, fall in enumerate(trajectory.fall_step.tolist()):
         hip, ankle = trajectory.hip[:, world], trajectory.ankle[:, world]
         for step in steps:
@@ -132,7 +132,7 @@ def switches_of_ramp(trajectory: Trajectory, freq: Array, seed: int, config: Dyn
     all of the trial, so that both ways are treated alike.
     """
     found, half = [], len(freq) // 2
-    still = math.radians(config.still_joint_deg)
+    still = math.radians(config.evaluation.still_joint_deg)
     for world, fall in enumerate(trajectory.fall_step.tolist()):
         up = down = None
         if fall < 0:
@@ -155,8 +155,14 @@ def _switch(course: str, seed: int, repeat: int, up: float | None, down: float |
 
 def fluctuations_of(trajectory: Trajectory, seed: int, config: DynamicsConfig) -> list[FluctuationRow]:
     """A row for each frequency, over all repeats."""
-    transient, still = config.fluctuation.transient, math.radians(config.still_joint_deg)
-    results = measure_trajectory(trajectory, transient_s=transient, tolerance_m=1.0, still_joint_deg=config.still_joint_deg)
+    evaluation = config.evaluation
+    transient, still = evaluation.transient, math.radians(evaluation.still_joint_deg)
+    results = measure_trajectory(
+        trajectory,
+        transient_s=transient,
+        tolerance_m=evaluation.tolerance,
+        still_joint_deg=evaluation.still_joint_deg,
+    )
     rows = []
     for freq in dict.fromkeys(trajectory.freq.tolist()):
         worlds = np.flatnonzero(trajectory.freq == freq)
@@ -189,7 +195,7 @@ def relaxations_of(pushed: Trajectory, twin: Trajectory, seed: int, config: Dyna
             with_push, without = (_joints(trajectory, standing) for trajectory in (pushed, twin))
             moved = min(np.degrees(np.ptp(joint, axis=0)).min() for joint in (without.hip, without.ankle))
             phase, angle = phase_deviation(with_push, without, freq), angle_deviation(with_push, without)
-            if moved < config.still_joint_deg:
+            if moved < config.evaluation.still_joint_deg:
                 phase = np.full_like(phase, np.nan)
             values = []
             for deviation in (phase, angle):

@@ -24,7 +24,7 @@ def opened(
 ) -> tuple[HeadTrackingEnv, Policy]:
     """Worlds with targets of `freq`[i] [Hz], for trials of `duration` [s], and the policy of checkpoint `model`."""
     wanted = {"freq": tuple(freq), "duration": duration, "transient": 0.0}
-    evaluation = read(EvaluationConfig, run.evaluation.model_dump() | wanted)
+    evaluation = read(EvaluationConfig, config.evaluation.model_dump() | wanted)
     trial = trial_config(run.env, evaluation, AS_TRAINED.model_copy(update={"ramp": "none"}), config.device)
     return open_trial(model, run, trial, config.device)
 
@@ -48,8 +48,8 @@ def following(model: Path, run: TrainConfig, freq: Array, config: DynamicsConfig
 def constant(model: Path, run: TrainConfig, config: DynamicsConfig) -> Trajectory:
     """`config.repeats` trials at each frequency of `config.fluctuation`, those of one frequency together."""
     freq = [one for one in config.fluctuation.freq.values for _ in range(config.repeats)]
-    env, policy = opened(model, run, freq, config.fluctuation.duration, config)
-    return rollout(env, policy, torch.tensor(freq, dtype=torch.float64), config.fluctuation.duration)
+    env, policy = opened(model, run, freq, config.evaluation.duration, config)
+    return rollout(env, policy, torch.tensor(freq, dtype=torch.float64), config.evaluation.duration)
 
 
 def pushed_and_twin(model: Path, run: TrainConfig, config: DynamicsConfig) -> tuple[Trajectory, Trajectory]:

@@ -29,7 +29,7 @@ def make_map(config: MapConfig, folder: Path) -> None:
     from posture.map.summary import agreement, transitions
     from posture.map.trials import trials
 
-    models = _models(config)
+    models = run_dir.find_checkpoints(config.ckpt)
     runs = [run_dir.read_config(model.parent) for model in models]
     if any(run.env != runs[0].env for run in runs) or len({run.seed for run in runs}) < len(runs):
         raise ConfigError(f"ckpt: {config.ckpt} holds different trainings; allowed are one, or one of several seeds")
@@ -76,12 +76,6 @@ def _digests(folder: Path) -> dict[str, dict[str, str]]:
     return provenance.digests(folder, [name for name in FILES[:-1] if (folder / name).exists()])
 
 
-def _models(config: MapConfig) -> list[Path]:
-    """The checkpoints that `ckpt` names."""
-    names = (config.ckpt,) if isinstance(config.ckpt, str) else config.ckpt
-    return [model for name in names for model in run_dir.find_checkpoints(name)]
-
-
 def _text(rows: Sequence[object]) -> str:
     """A table for the terminal."""
     import tabulate
@@ -92,7 +86,7 @@ def _text(rows: Sequence[object]) -> str:
 def check(configs: Sequence[MapConfig], in_sweep: bool) -> None:
     """Raise ConfigError if there is no policy for one of the jobs."""
     for config in configs:
-        _models(config)
+        run_dir.find_checkpoints(config.ckpt)
 
 
 def main() -> None:

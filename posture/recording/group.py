@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from posture.analysis.coordination import circular_mean_sd
+from posture.analysis.statistics import mean_interval
 from posture.analysis.trajectory import Array
 from posture.recording.circular import mean_half_width, rayleigh_p, resultant_length
-from posture.recording.indices import mean_correlation, mean_interval
+from posture.recording.indices import mean_correlation
 from posture.recording.trial import Trial
 
 ALL = "all"
@@ -86,7 +87,7 @@ def _row(
 ) -> GroupRow:
     mean, sd = circular_mean_sd(phases)
     half = mean_half_width(phases)
-    found, switch = mean_correlation(r), mean_interval(np.array(switches))
+    found, switch = mean_correlation(r), mean_interval(switches)
     return GroupRow(
         freq_hz=freq,
         subject=subject,

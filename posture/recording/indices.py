@@ -11,12 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal import hilbert
-from scipy.stats import t as student
 
 from envs.body.joints import ANKLES, HIPS, JOINTS
 from posture.analysis.coordination import (
@@ -32,6 +31,7 @@ from posture.analysis.coordination import (
     torque_cost,
 )
 from posture.analysis.results import RampTransitions, columns_of
+from posture.analysis.statistics import Interval, mean_interval
 from posture.analysis.trajectory import Array
 from posture.recording.circular import mean_half_width, resultant_length
 from posture.recording.columns import Recording
@@ -56,14 +56,6 @@ CYCLE_VALUES = (
     "tracking_error_mean_mm",
 )
 """Values of a cycle that have a mean over cycles and an interval, by their names in `Indices`; the phase is beside them."""
-
-
-class Interval(NamedTuple):
-    """Mean of a value over cycles, and the ends of its 95 % confidence interval; nan where undefined."""
-
-    mean: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -138,19 +130,6 @@ class Cycles:
             for name in CYCLE_VALUES
             if name in self.values
         }
-
-
-def mean_interval(values: Array, confidence: float = 0.95) -> Interval:
-    """Mean of `values` (N,) and its interval by Student's t; nan values are left out. Cycles that follow one another are
-    more alike than independent ones, so that an interval over cycles is rather too narrow. Source: field practice."""
-    known = values[np.isfinite(values)]
-    if not len(known):
-        return Interval(math.nan, math.nan, math.nan)
-    mean = float(known.mean())
-    if len(known) < 2:
-        return Interval(mean, math.nan, math.nan)
-    half = float(student.ppf((1 + confidence) / 2, len(known) - 1) * known.std(ddof=1) / math.sqrt(len(known)))
-    return Interval(mean, mean - half, mean + half)
 
 
 def mean_correlation(r: ArrayLike) -> Interval:

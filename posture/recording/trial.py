@@ -13,13 +13,14 @@ import numpy as np
 from envs.body.segments import Segments
 from envs.config import EnvConfig, Ramp
 from posture.analysis.results import MotionIndices, Row, as_row
+from posture.analysis.statistics import Interval
 from posture.analysis.trajectory import Array
 from posture.config.analyse import AnalyseConfig
 from posture.config.errors import ConfigError
 from posture.config.published import read_published
 from posture.recording.columns import Recording, read_recording
 from posture.recording.frequency import sinusoid_frequency
-from posture.recording.indices import CYCLE_VALUES, Cycles, Indices, Interval, measure
+from posture.recording.indices import CYCLE_VALUES, Cycles, Indices, measure
 from posture.recording.ramp import RampCourse, course_and_transitions, follow
 from posture.recording.signals import prepare
 from posture.recording.table import refuse

@@ -17,7 +17,7 @@ import os
 import re
 import stat
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from posture.config import torchrun
@@ -77,9 +77,12 @@ def find_run(name: str) -> Path:
     return folder
 
 
-def find_checkpoints(name: str, wanted: Callable[[Path], bool] | None = None) -> list[Path]:
+def find_checkpoints(name: str | Sequence[str], wanted: Callable[[Path], bool] | None = None) -> list[Path]:
     """Checkpoint files that `ckpt=name` selects: a file, the newest of a run folder, of each run of a sweep or of the latest
-    run, or a shipped one. `wanted` selects among the runs of a sweep. Raises ConfigError if there is none."""
+    run, or a shipped one; or those of a list of such names. `wanted` selects among the runs of a sweep. Raises
+    ConfigError if there is none."""
+    if not isinstance(name, str):
+        return [model for one in name for model in find_checkpoints(one, wanted)]
     path = Path(name)
     if name == "latest":
         runs = [find_run(name)]

@@ -158,7 +158,7 @@ def test_senses_without_delay_noise_and_history_are_exact(env_config):
             "head.white: 3 numbers for 2 values: head_x .m., head_vx",
         ),
         ("+env.sensing.noise={head: {white: -1, drift: 0}}", "noise.head.white"),
-        ("env.sensing.exact=[nobody]", "sensing.exact: nobody is no group of observations; allowed are policy"),
+        ("env.sensing.exact=[missing]", "sensing.exact: no group of observations is called missing; allowed are policy"),
         ("env.sensing.delay=3", "sensing.delay"),
     ],
 )

@@ -21,7 +21,9 @@ SMALL = [
     "+staircase.courses.short=[0.8,1.2]",
     RAMP,
     "perturbation={freq: {low: 0.8, high: 1.2, step: 0.4}, force: 20, time: 0.1, first: 1.5, every: 1.5, pushes: 2}",
-    "fluctuation={freq: {low: 0.8, high: 1.2, step: 0.2}, duration: 5, transient: 1}",
+    "fluctuation.freq={low: 0.8, high: 1.2, step: 0.2}",
+    "evaluation.duration=5",
+    "evaluation.transient=1",
 ]
 
 
@@ -83,7 +85,7 @@ def test_the_command_writes_tables_findings_and_a_figure(monkeypatch, tmp_path, 
         (["ramp.start=1.4"], "a ramp rises from start to end, got 1.4 and 1.2"),
         (["perturbation.force=0"], "force: 0 N is no push"),
         (["perturbation.time=5"], "time: 5 s leaves no time to recover in 7.3 s"),
-        (["fluctuation.duration=20"], "fewer than 3 cycles at 0.1 Hz"),
+        (["evaluation.duration=20"], "fewer than 3 cycles at 0.1 Hz"),
         (["what=[hysteresis]"], "what"),
         (["what=[ramp,ramp]"], "what: ramp appears 2 times"),
         (["what=[ramp]", "staircase.cycles=20"], "staircase.cycles: has no effect without staircase in what"),

@@ -9,9 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posture.analysis.results import Result
+from posture.analysis.statistics import mean_interval
 from posture.evaluation.trial import evaluate_at
 from posture.export.trajectory_files import write_csv, write_sto
-from posture.recording.indices import Indices, hilbert_phases, mean_correlation, mean_interval, measure
+from posture.recording.indices import Indices, hilbert_phases, mean_correlation, measure
 from posture.recording.trial import analyse
 from tests.posture.analysis.trials import angle_difference
 from tests.posture.recording.people import ANKLE, HEAD, HIP, config, recording, times, wave
