@@ -127,6 +127,7 @@ class RewardConfig(Strict):
     effort_exponent: Annotated[float, Field(ge=0, le=2)] | Schedule
     effort_reference: Annotated[float, Field(gt=0, le=4)]
     effort_scale_max: Annotated[float, Field(ge=1, le=1e6)]
+    as_run: bool
     ended: Weight | None
     scale: Annotated[float, Field(ge=1e-6, le=1000)]
 

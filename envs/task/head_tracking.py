@@ -262,8 +262,14 @@ class HeadTrackingEnv(VecEnv):
 
         config, terms, state = self.config, self.config.reward, self.state
         stay = rewards.closeness(state.foot_displacement.mean(-1), terms.stay_sharpness)
-        tracking = rewards.closeness(state.target_x - state.head_x, terms.target_sharpness)
-        energy, torque = rewards.effort(state.action, state.joint_velocity, config)
+        distance, velocity = state.target_x - state.head_x, state.joint_velocity
+        scaled = (state.joint_angle - self._limit_centre) / self._limit_half
+        if terms.as_run:
+            distance = distance.abs().sum() * (config.num_envs / self.num_envs)
+            scaled = rewards.one_late(scaled, 0.1 * velocity)
+            velocity = rewards.velocity_as_run(velocity, state.joint_force)
+        tracking = rewards.closeness(distance, terms.target_sharpness)
+        energy, torque = rewards.effort(state.action, velocity, config)
         effort = energy + torque
         if config.ranges.given and terms.effort_exponent != 0.0:
             effort = effort * self.episodes.effort_scale ** weight(terms.effort_exponent)
@@ -276,7 +282,6 @@ class HeadTrackingEnv(VecEnv):
         if terms.tolerance_weight:
             reward = reward - terms.tolerance_weight * rewards.beyond(state.target_x - state.head_x, state.tolerance)
         if terms.joint_limit_weight:
-            scaled = (state.joint_angle - self._limit_centre) / self._limit_half
             reward = reward - terms.joint_limit_weight * rewards.joint_limit(scaled)
         if terms.ended is not None:
             reward = torch.where(ended, weight(terms.ended), reward)

@@ -50,6 +50,22 @@ def torque_squared(torque: Values) -> Values:
     return -(torque**2).sum(-1)
 
 
+def one_late(values: Values, after: Values) -> Values:
+    """`values` (N, joints) read one place late in an observation, in which `after` (N, joints) follow them: the last is the
+    first of these. The authors' penalties read their observation so."""
+    late = values * 1.0
+    late[:, :-1], late[:, -1] = values[:, 1:], after[:, 0]
+    return late
+
+
+def velocity_as_run(velocity: Values, joint_force: Values) -> Values:
+    """What the authors' code takes for the joints' `velocity` [rad/s] in R_energy, (N, joints). joint_force: moments [Nm].
+
+    Their observation holds 0.1 of the velocities and then 0.01 of the moments.
+    """
+    return one_late(velocity, 0.1 * joint_force)
+
+
 def effort(action: Values, velocity: Values, config: EnvConfig) -> tuple[Values, Values]:
     """R_energy and R_torque, (N,) each, in the units of `config`; action: torque over its limit, (N, joints)."""
     torque = config.torque_limit * action

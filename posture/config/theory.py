@@ -17,7 +17,7 @@ USED = {
     "joint_armature", "torque_limit", "reward", "termination",
 }  # fmt: skip
 """Keys of `env` that the theory depends on."""
-USED_REWARD = {"target_weight", "target_sharpness", "torque_unit", "energy_unit", "tolerance", "tolerance_weight"}
+USED_REWARD = {"target_weight", "target_sharpness", "torque_unit", "energy_unit", "tolerance", "tolerance_weight", "as_run"}
 
 
 class StiffnessSweep(Strict):

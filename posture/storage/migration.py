@@ -11,7 +11,7 @@ from typing import Any
 from envs.config import RANGE_KEYS
 from posture.config.errors import ConfigError
 
-VERSION = 9
+VERSION = 10
 
 
 def upgrade(values: dict[str, Any], file: Path) -> dict[str, Any]:
@@ -95,6 +95,13 @@ def _from_8(values: dict[str, Any]) -> dict[str, Any]:
     return values
 
 
+def _from_9(values: dict[str, Any]) -> dict[str, Any]:
+    """No reward had the errors of the authors' code."""
+    with contextlib.suppress(KeyError, TypeError, AttributeError):  # as above
+        values["env"]["reward"].setdefault("as_run", False)
+    return values
+
+
 UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     1: _from_1,
     2: _from_2,
@@ -104,5 +111,6 @@ UPGRADES: dict[int, Callable[[dict[str, Any]], dict[str, Any]]] = {
     6: _from_6,
     7: _from_7,
     8: _from_8,
+    9: _from_9,
 }
 """By version, the function that gives the version after it."""

@@ -45,8 +45,9 @@ class Program:
     """One stander following the target A (1 - cos omega t) of amplitude A [m] at `freq` [Hz] within `tolerance` [m].
 
     Attributes, S samples of a cycle and v unknowns:
-        torque, velocity: normalised torque [-] and velocity [rad/s] of one joint, (hip, ankle), over the unknowns,
-            (S, 2, v). torque_offset: normalised torque at q = 0, (2,), or (S, 2) where it is not the same throughout.
+        torque, velocity, angle: normalised torque [-], velocity [rad/s] and angle [rad] of one joint, (hip, ankle), over the
+            unknowns, (S, 2, v). torque_offset: normalised torque at q = 0, (2,), or (S, 2) where it is not the same
+            throughout.
         head: [m] over the unknowns, (S, v). target: [m], (S,).
     """
 
@@ -68,6 +69,7 @@ class Program:
         self.torque = self._rows(stander.torque_response(omega)) / stander.torque_limit
         self.torque_offset = stander.torque_offset / stander.torque_limit
         self.velocity = self._rows(1j * np.multiply.outer(omega, np.eye(2)))
+        self.angle = self._rows(np.broadcast_to(np.eye(2), (harmonics + 1, 2, 2)))
         self.head = self._rows(np.broadcast_to(stander.head, (harmonics + 1, 1, 2)))[:, 0]
         self.target = amplitude * (1.0 - self._waves[:, 1].real)
         self._keep_limits(self._rows(stander.cop_response(omega)[:, None])[:, 0], stander.cop_offset)

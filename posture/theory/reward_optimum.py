@@ -3,13 +3,13 @@
 With the feet still, the part of the reward (envs/task/rewards.py) that depends on the motion is beta R_target + gamma
 (R_energy + R_torque). Divided by -gamma and the unit of R_torque it is a cost, the mean over time of
 
-    sum over joints (a^2 + e |a omega|) - b / (1 + k d^2),
+    sum over joints (a^2 + e |a x|) - b / (1 + k d^2),
 
-with a the normalised torque, omega [rad/s], d [m] the head's distance from its target, and e, b as `RewardTerms` reads them
-from the reward functions. Neither the energy term nor the closeness is convex. The cost is minimised by majorisation: with
-r = |omega| / |a| and d' those of the last motion,
+with a the normalised torque, x the joint's velocity [rad/s] (with `reward.as_run`, what the authors' code takes for it), d
+[m] the head's distance from its target, and e, b as `RewardTerms` reads them from the reward functions. Neither the energy
+term nor the closeness is convex. The cost is minimised by majorisation: with r = |x| / |a| and d' those of the last motion,
 
-    |a omega| <= (r a^2 + omega^2 / r) / 2,   -1 / (1 + k d^2) <= const + k d^2 / (1 + k d'^2)^2,
+    |a x| <= (r a^2 + x^2 / r) / 2,   -1 / (1 + k d^2) <= const + k d^2 / (1 + k d'^2)^2,
 
 with equality at the last motion, so that a convex program with the right-hand sides (`posture.theory.program`) never raises
 the cost.
@@ -41,7 +41,7 @@ SMOOTHING = 1e-2
 class RewardTerms:
     """Weights of the reward over that of squared normalised torque; schedules count with their final value.
 
-    energy: e [s/rad] of |a omega|. target: b [-] of the closeness to the target; sharpness: k [1/m2].
+    energy: e [s/rad] of |a x|. target: b [-] of the closeness to the target; sharpness: k [1/m2].
     """
 
     energy: float
@@ -56,7 +56,8 @@ class RewardTerms:
         gamma = rewards.weight(config.energy_weight)
         if gamma == 0:
             raise ValueError("energy_weight is 0: every torque is as good as any other")
-        beta = rewards.weight(config.reward.target_weight)
+        # Of the distance summed over all worlds, one world's motion changes next to nothing.
+        beta = 0.0 if config.reward.as_run else rewards.weight(config.reward.target_weight)
         return cls(energy / torque, beta / (gamma * torque), config.reward.target_sharpness)
 
 
@@ -74,39 +75,52 @@ def best_for_reward(program: Program, config: EnvConfig) -> PeriodicMotion:
     unknowns, before = program.least_torque(), math.inf
     for _ in range(MAX_ITERATIONS):
         program.linearise_about(unknowns)
-        torque = program.torque @ unknowns + program.torque_offset
-        velocity = program.velocity @ unknowns
+        (on_a, a_offset), (on_x, x_offset) = _effort_rows(program, config)
+        size, speed = _smooth_abs(on_a @ unknowns + a_offset), _smooth_abs(on_x @ unknowns + x_offset)
         closeness = 1.0 / (1.0 + terms.sharpness * (program.head @ unknowns - program.target) ** 2)
-        size, speed = _smooth_abs(torque), _smooth_abs(velocity)
-        cost = float(
-            JOINTS_OF_A_KIND * np.mean((torque**2 + terms.energy * size * speed).sum(axis=1))
-            - terms.target * np.mean(closeness)
-        )
+        effort = (on_a @ unknowns + a_offset) ** 2 + terms.energy * size * speed
+        cost = float(np.mean(effort.sum(axis=1)) - terms.target * np.mean(closeness))
         if before - cost <= CONVERGED * abs(cost):
             break
         before, ratio = cost, speed / size
-        # Square roots of the weights of a^2, omega^2 and d^2 at each instant.
-        on_torque = np.sqrt(JOINTS_OF_A_KIND * (1.0 + terms.energy * ratio / 2))
-        on_velocity = np.sqrt(JOINTS_OF_A_KIND * terms.energy / ratio / 2)
-        on_miss = math.sqrt(terms.target * terms.sharpness) * closeness
-        rows = [on_torque[..., None] * program.torque, on_velocity[..., None] * program.velocity]
+        # Square roots of the weights of a^2, x^2 and d^2 at each instant.
+        of_a = np.sqrt(1.0 + terms.energy * ratio / 2)
+        of_x = np.sqrt(terms.energy / ratio / 2)
+        of_miss = math.sqrt(terms.target * terms.sharpness) * closeness
+        rows = [of_a[..., None] * on_a, of_x[..., None] * on_x]
         unknowns = program.least_squares(
-            np.concatenate([*(part.reshape(-1, len(unknowns)) for part in rows), on_miss[:, None] * program.head]),
-            np.concatenate(
-                [(-on_torque * program.torque_offset).ravel(), np.zeros(velocity.size), on_miss * program.target]
-            ),
+            np.concatenate([*(part.reshape(-1, len(unknowns)) for part in rows), of_miss[:, None] * program.head]),
+            np.concatenate([(-of_a * a_offset).ravel(), (-of_x * x_offset).ravel(), of_miss * program.target]),
         )
     return program.motion(unknowns)
+
+
+def _effort_rows(program: Program, config: EnvConfig) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """Normalised torque a and x of all four joints over the unknowns z: a = rows z + offset, (S, 4, v) and (S, 4)."""
+    torque, velocity, angle = (
+        np.tile(rows, (1, JOINTS_OF_A_KIND, 1)) for rows in (program.torque, program.velocity, program.angle)
+    )
+    offset = np.tile(np.broadcast_to(program.torque_offset, program.torque.shape[:2]), JOINTS_OF_A_KIND)
+    none = np.zeros_like(offset)
+    if not config.reward.as_run:
+        return (torque, offset), (velocity, none)
+    springs, limit = np.array([config.hip_k, config.ankle_k] * JOINTS_OF_A_KIND)[:, None], config.torque_limit
+    force = limit * torque - springs * angle - config.joint_damping * velocity
+    return (torque, offset), (rewards.velocity_as_run(velocity, force), rewards.velocity_as_run(none, limit * offset))
 
 
 def reward_terms(motion: PeriodicMotion, config: EnvConfig) -> tuple[float, float]:
     """R_energy and R_torque (paper Eq. 9, 10) as `config` weighs them: mean over a cycle, for one control step."""
     torque, velocity = joint_arrays(motion)
+    if config.reward.as_run:
+        springs = np.array([config.hip_k, config.ankle_k])
+        passive = springs * motion.angle(motion.cycle()) + config.joint_damping * motion.velocity(motion.cycle())
+        velocity = rewards.velocity_as_run(velocity, torque - np.tile(passive, JOINTS_OF_A_KIND))
     energy, effort = rewards.effort(torque / config.torque_limit, velocity, config)
     return float(energy.mean()), float(effort.mean())
 
 
 def _smooth_abs(x: Array) -> Array:
-    """|x| (S, 2) without its kink, for each joint; positive unless the joint is zero throughout."""
+    """|x| (S, 4) without its kink, for each joint; positive unless the joint is zero throughout."""
     scale = np.sqrt(np.mean(x**2, axis=0, keepdims=True))
     return np.asarray(np.sqrt(x**2 + (SMOOTHING * scale) ** 2) + np.finfo(float).tiny)

@@ -55,13 +55,14 @@ def test_a_schedule_is_geometric_and_then_constant(steps, expected):
 def total(config, head_error, foot, action, velocity, ended=False):
     """The environment's reward of one world in a given situation, outside a training, without stepping it."""
     env = HeadTrackingEnv.__new__(HeadTrackingEnv)
-    env.config, env.training_steps = config, None
+    env.config, env.training_steps, env.num_envs = config, None, 1
     env.state = SimpleNamespace(
         target_x=torch.tensor([head_error]),
         head_x=torch.zeros(1),
         foot_displacement=torch.tensor([[foot, foot]]),
         action=torch.tensor([action]),
         joint_velocity=torch.tensor([velocity]),
+        joint_force=torch.tensor([[30.0, -20.0, 40.0, -10.0]]),
         joint_angle=torch.zeros(1, 4),
         tolerance=torch.tensor([config.reward.tolerance]),
     )
@@ -87,6 +88,14 @@ def test_authors_reward_by_hand(env_config):
     expected = 0.01 * (4 / 1.01 + 5 / 1.002 + 2 - 20 * 0.04 - 20 * 0.1)
     assert total(env_config("env=authors_code"), **SITUATION) == pytest.approx(expected, rel=1e-5)
     assert total(env_config("env=authors_code"), **SITUATION, ended=True) == pytest.approx(expected, rel=1e-5)
+
+
+def test_authors_reward_as_it_was_run_by_hand(env_config):
+    """The head errors of four worlds like this one add up to 0.08 m, 5 / (1 + 5 x 0.08^2). The torques of hip, ankle and hip
+    meet the velocities of ankle, hip and ankle, 0.1 x (0.1 x 0.5 + 0.2 x 1 + 0.1 x 0.5), and that of the other ankle meets a
+    hip's moment, 0.2 x 0.01 x 30."""
+    expected = 0.01 * (4 / 1.01 + 5 / 1.032 + 2 - 20 * (0.03 + 0.06) - 20 * 0.1)
+    assert total(env_config("env=authors_code_as_run"), **SITUATION) == pytest.approx(expected, rel=1e-5)
 
 
 def test_default_counts_each_millimetre_beyond_the_tolerance(env_config):
