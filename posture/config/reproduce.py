@@ -22,6 +22,7 @@ def _override(text: str) -> str:
     return text
 
 
+Experiment = Literal["frequency", "energy", "hip_stiffness", "map", "as_published", "as_run"]
 Stage = Literal["train", "evaluate", "report", "ship"]
 Share = Annotated[float, Field(gt=0, le=1)]
 Rho = Annotated[float, Field(gt=0, le=1)]
@@ -102,6 +103,7 @@ class ReportConfig(Strict):
 class ReproduceConfig(CommandConfig):
     """Configuration of `posture.reproduce`."""
 
+    experiments: Annotated[tuple[Experiment, ...], Field(min_length=1)]
     seeds: Annotated[int, Field(ge=1, le=1000)]
     stages: Annotated[tuple[Stage, ...], Field(min_length=1)]
     launcher: Literal["joblib", "basic", "submitit_local", "submitit_slurm"]
@@ -113,7 +115,7 @@ class ReproduceConfig(CommandConfig):
     def without_effect(self) -> dict[str, str]:
         """See `CommandConfig`."""
         keys = {  # by the stages of which one must run
-            ("train", "evaluate"): ["seeds"],
+            ("train", "evaluate"): ["experiments", "seeds"],
             ("train",): ["launcher", "parallel"],
             ("report", "ship"): ["search"],
             ("report",): [f"report.{key}" for key in ReportConfig.model_fields.keys() - {"shipped_seed"}],

@@ -47,9 +47,10 @@ def reproduce(config: ReproduceConfig, folder: Path) -> None:
     so far."""
     check_files(folder)
     plan = make_plan(config)
-    if "train" not in config.stages:
-        jobs_of_exp_1 = plan.wanted if "evaluate" in config.stages else plan.trainings
-        _check_done(jobs_of_exp_1["frequency"])
+    if not {"train", "evaluate"} & set(config.stages):
+        _check_done(plan.trainings["frequency"])
+    elif "train" not in config.stages:
+        _check_done([job for own in plan.wanted.values() for job in own])
     wanted = [job for own in plan.wanted.values() for job in own]
     progress = SweepProgress(wanted)
     failed = False
@@ -81,7 +82,10 @@ def make_plan(config: ReproduceConfig) -> Plan:
     trainings = {
         name: jobs.check("train", TrainConfig, [*training(name, config), *_launcher(config)]).jobs for name in TRAININGS
     }
-    wanted = {name: [job for job in own if _seed(job) <= config.seeds] for name, own in trainings.items()}
+    wanted = {
+        name: [job for job in own if name in config.experiments and _seed(job) <= config.seeds]
+        for name, own in trainings.items()
+    }
     evaluations = {name: jobs.check("eval", EvalConfig, evaluation(name, config)).jobs for name in EVALUATIONS}
     return Plan(trainings, wanted, evaluations)
 
@@ -90,7 +94,7 @@ def train(plan: Plan, config: ReproduceConfig, progress: SweepProgress) -> bool:
     """Run the trainings that are not done, with a progress line at intervals; return whether a sweep failed."""
     failed = False
     with report_periodically(progress, "whole", REPORT_EVERY_S):
-        for name in TRAININGS:
+        for name in config.experiments:
             seeds = sorted({_seed(job) for job in plan.wanted[name]})
             failed |= run("train", [*training(name, config), *_launcher(config), f"seed={','.join(map(str, seeds))}"])
     return failed
@@ -115,9 +119,10 @@ def report(plan: Plan, config: ReproduceConfig, folder: Path) -> None:
         ship([job for own in plan.trainings.values() for job in own], config.report.shipped_seed)
 
 
-def _check_done(exp_1: Sequence[Job]) -> None:
-    if not any(fraction_done(job) >= 1 for job in exp_1):
-        raise ConfigError("no policy of Exp. 1 is done: run the stage train first")
+def _check_done(policies: Sequence[Job]) -> None:
+    if not any(fraction_done(job) >= 1 for job in policies):
+        names = ", ".join(dict.fromkeys(job.folder.parent.name for job in policies))
+        raise ConfigError(f"no policy of {names} is done: run the stage train first")
 
 
 def training(name: str, config: ReproduceConfig) -> list[str]:

@@ -27,14 +27,14 @@ from posture.config.train import TrainConfig
 from posture.evaluation.trial import AS_TRAINED, is_current, origin, policy_record
 from posture.learning.resume import training_seconds
 from posture.reproduce.claims.verdict import Transitions
-from posture.reproduce.experiments import EVALUATIONS
-from posture.reproduce.reproduction import Body, ManyBodies, Reproduction, Traces, Training
+from posture.reproduce.experiments import EVALUATIONS, RECIPES
+from posture.reproduce.reproduction import Body, ManyBodies, Recipe, Reproduction, Traces, Training, last_anti_phase
 from posture.storage import provenance, run_dir, yaml_files
 from posture.theory.motion import motion_indices
 from posture.theory.program import InfeasibleError
 from posture.theory.reward_optimum import reward_optimum
 from posture.theory.stander import linearise
-from posture.theory.transition import bound_transition, reward_transition, sinusoid_transition
+from posture.theory.transition import bound_transition, hip_ankle_correlation, reward_transition, sinusoid_transition
 
 WITH_REWARD_OPTIMUM = ("frequency", "energy", "load", "hip_stiffness")
 """Experiments whose results are compared with the optimum of the trained reward, too."""
@@ -65,6 +65,13 @@ def collect(
     at_one = {"hip_stiffness": paper.experiment_3.freq_hz}
     for name in WITH_REWARD_OPTIMUM:
         results[name] = _with_reward_optimum(results.get(name, []), run, at_one.get(name))
+    for name in list(RECIPES)[1:]:
+        for kind in (name, f"load_{name}"):
+            if results.get(kind):
+                results[kind] = _with_reward_optimum(results[kind], _config(done[name][0]), None)
+    recipes = [
+        _recipe(name, results, _config(done[name][0]), search, paper) for name in RECIPES if results.get(name) and done[name]
+    ]
     (ramp,) = evaluated["ramp"]
     return Reproduction(
         results={name: found for name, found in results.items() if found},
@@ -76,6 +83,7 @@ def collect(
         left_out=left_out,
         ramp_start=_ramp_start(ramp),
         many_bodies=_many_bodies(map_folder, done["map"], left_out),
+        recipes=recipes if len(recipes) > 1 else (),
     )
 
 
@@ -160,6 +168,31 @@ def _read(
             left_out.append(str(out))
         return []
     return [replace(result, origin=origin(run, changes, job.folder.name)) for result in read_csv(out / "metrics.csv")]
+
+
+def _recipe(
+    name: str, results: Mapping[str, list[Result]], run: TrainConfig, search: tuple[float, float], paper: Published
+) -> Recipe:
+    """The experiment `name` of `RECIPES`, whose policies were trained as `run` says, in results and in theory."""
+    suffix = "" if name == "frequency" else f"_{name}"
+
+    def optimum_r(freq: float, **changes: float) -> float:
+        env = EnvConfig.model_validate(run.env.model_dump() | changes)
+        return hip_ankle_correlation(reward_optimum(linearise(body, env), freq, env, run.evaluation.tolerance))
+
+    body = read_segments(run.env)
+    third, fourth = paper.experiment_3, paper.table_4
+    hip_k, gamma = last_anti_phase(paper)
+    reward_hz = reward_transition(linearise(body, run.env), run.env, run.evaluation.tolerance, search)
+    return Recipe(
+        name,
+        results[name],
+        results.get(f"ramp{suffix}", []),
+        results.get(f"load{suffix}", []),
+        math.nan if reward_hz is None else reward_hz,
+        optimum_r(third.freq_hz, hip_k=hip_k),
+        optimum_r(fourth.freq_hz, energy_weight=gamma),
+    )
 
 
 def _many_bodies(folder: Path, policies: Sequence[Job], left_out: list[str]) -> ManyBodies | None:

@@ -11,13 +11,16 @@ class Evaluation:
     policies: str = "frequency"
 
 
-TRAININGS = ("frequency", "energy", "hip_stiffness", "map")
+TRAININGS = ("frequency", "energy", "hip_stiffness", "map", "as_published", "as_run")
 """Experiments that train policies; `frequency` is Exp. 1."""
+RECIPES = {"frequency": "ours", "as_published": "authors' code", "as_run": "authors' code as it was run"}
+"""Those that train one policy for all frequencies of Exp. 1 in different ways, and their names in the report."""
 EVALUATIONS = {
     "ramp": Evaluation("ramp"),
     "load": Evaluation("load"),
     "load_trained": Evaluation("load", "map"),
     "amplitude": Evaluation("amplitude", "map"),
     "engines": Evaluation("engines"),
+    **{f"{trial}_{policies}": Evaluation(trial, policies) for policies in list(RECIPES)[1:] for trial in ("ramp", "load")},
 }
 """By name of the results."""

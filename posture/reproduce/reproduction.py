@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from posture.analysis.results import Result
 from posture.analysis.trajectory import Array, Trajectory
+from posture.config.published import Published
 from posture.config.train import TrainConfig
 from posture.reproduce.claims.verdict import Transitions
 
@@ -42,6 +44,24 @@ class ManyBodies:
     transitions: list[dict[str, str]]
 
 
+@dataclass(frozen=True)
+class Recipe:
+    """One way of training a policy for all frequencies of Exp. 1, as `RECIPES` names it, and its results.
+
+    frequency, ramp, load: of Exp. 1, 4a and 4b. reward_hz: where the optimum of its reward switches [Hz]; nan where it does
+    not. soft_r, cheap_r: hip-ankle correlation of that optimum with the stiffest hips of Exp. 3, and at the dearest effort
+    of Exp. 2, that are anti-phase in the paper.
+    """
+
+    name: str
+    frequency: list[Result]
+    ramp: list[Result]
+    load: list[Result]
+    reward_hz: float
+    soft_r: float
+    cheap_r: float
+
+
 @dataclass(frozen=True, eq=False)
 class Body:
     """The body as simulated, without load.
@@ -64,6 +84,7 @@ class Reproduction:
 
     results: by experiment, one for each seed and condition. run: configuration of the first policy of Exp. 1. left_out:
     folders with results of other code, another configuration or another policy. ramp_start: first frequency of Exp. 4a [Hz].
+    recipes: ours first; empty where there is no other.
     """
 
     results: dict[str, list[Result]]
@@ -75,3 +96,13 @@ class Reproduction:
     left_out: list[str]
     ramp_start: float
     many_bodies: ManyBodies | None = None
+    recipes: Sequence[Recipe] = ()
+
+
+def last_anti_phase(paper: Published) -> tuple[float, float]:
+    """The stiffest hips [Nm/rad] of Exp. 3 and the dearest effort (gamma) of Exp. 2 that are anti-phase in the paper."""
+    third, fourth = paper.experiment_3, paper.table_4
+    return (
+        max(k for k, mode in zip(third.hip_k_nm_per_rad, third.mode, strict=True) if mode == "anti"),
+        max(gamma for gamma, mode in zip(fourth.gamma, fourth.mode, strict=True) if mode == "anti"),
+    )

@@ -47,10 +47,8 @@ def ship_policy(model: Path, folder: Path) -> Path:
 
 
 def condition_name(job: Job) -> str:
-    """Folder of a shipped policy: `default` for Exp. 1, `universal` for one of many bodies, otherwise what is swept
-    (`energy_weight-5`, `hip_k-75`)."""
-    assert isinstance(job.config, TrainConfig)
-    if job.config.env.ranges.given:
-        return "universal"
+    """Folder of a shipped policy: what is swept (`energy_weight-5`, `hip_k-75`), or else `default` for Exp. 1, `universal`
+    for one of many bodies, or the experiment."""
     swept = re.sub(r"_?seed-\d+_[0-9a-f]{8}$", "", job.folder.name)
-    return swept or "default"
+    experiment = job.folder.parent.name
+    return swept or {"frequency": "default", "map": "universal"}.get(experiment, experiment)

@@ -15,8 +15,10 @@ from posture.analysis.results import Result
 from posture.config.published import Published
 from posture.drawing.style import ANKLE_COLOUR, BLUE, GREEN, GREY, HIP_COLOUR, MODE_COLOUR, ORANGE, PURPLE, RED
 from posture.reproduce.claims.seed_means import group_by
+from posture.reproduce.experiments import RECIPES
 from posture.reproduce.figures.seed_curves import (
     LEAST,
+    MEAN_LABEL,
     REWARD,
     REWARD_LABEL,
     correlation_axis,
@@ -47,6 +49,7 @@ from posture.reproduce.quantities import (
     Quantity,
     Variable,
 )
+from posture.reproduce.reproduction import Recipe
 
 Results = Sequence[Result]
 PUBLISHED = {"ls": "none", "marker": "D", "ms": 5, "color": RED, "mfc": "white", "mew": 1.2, "zorder": 3}
@@ -66,6 +69,20 @@ def coordination(fig: Figure, results: Results, paper: Published) -> None:
     axes = fig.subplots(2, 1, sharex=True)
     _correlation_and_phase(axes, results, FREQ)
     _finish(fig, axes, results, FREQ, (paper.table_3.freq_hz, paper.table_3.mode))
+
+
+def recipes(fig: Figure, own: Sequence[Recipe], results: Results, paper: Published) -> None:
+    """Correlation against frequency [Hz] of our policies, `results`, or of several ways to train, `own`, ours among them."""
+    ax = fig.subplots()
+    groups: dict[str, Results] = {RECIPES[recipe.name]: recipe.frequency for recipe in own} or {MEAN_LABEL: results}
+    _grouped(ax, groups, HIP_ANKLE_R)
+    draw_theory(ax, results, FREQ, HIP_ANKLE_R.least)
+    for (colour, _, _), group in zip(GROUP_STYLES, groups.values(), strict=False):
+        draw_theory(ax, group, FREQ, HIP_ANKLE_R.reward, **REWARD, label=REWARD_LABEL, color=colour)
+    correlation_axis(ax)
+    shade_modes(ax, paper.table_3.freq_hz, paper.table_3.mode)
+    ax.set_xlabel(FREQ.axis)
+    legend(fig, [ax], 2)
 
 
 def ranges(fig: Figure, results: Results, _paper: Published) -> None:

@@ -71,6 +71,11 @@ def _plans(reproduction: Reproduction, paper: Published, report: ReportConfig) -
         return Plan(height, own, lambda fig: fill(fig, own, paper))
 
     return {
+        "overview": Plan(
+            5.0,
+            results.get("frequency"),
+            lambda fig: curves.recipes(fig, reproduction.recipes, results["frequency"], paper),
+        ),
         "figure_2": Plan(9.0, worlds, bodies),
         "figure_3": Plan(6.0, worlds, lambda fig: traces.head_target(fig, worlds)),
         "figure_4": Plan(6.0, worlds, lambda fig: traces.joint_angles(fig, worlds)),

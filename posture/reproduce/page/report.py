@@ -19,6 +19,7 @@ from posture.reproduce.claims.targets import targets
 from posture.reproduce.claims.verdict import Transitions, Verdict
 from posture.reproduce.figures.draw import draw_report
 from posture.reproduce.page import page, tables, text
+from posture.reproduce.page.findings import findings
 from posture.reproduce.page.page import Figure, Section
 from posture.reproduce.page.provenance import how_it_was_made, training_table, warnings
 from posture.reproduce.reproduction import Reproduction
@@ -75,6 +76,9 @@ def _sections(
         tables.verdict_table(claims),
         tables.target_table(targets(results, paper, reproduction.transitions, report)),
     ]
+    published: list[str | page.Table] = []
+    if reproduction.recipes:
+        published = [text.AS_PUBLISHED, tables.recipe_table(reproduction.recipes, paper)]
     body = [
         tables.body_table(reproduction.body, run.env.torque_limit, paper),
         tables.learning_table(run, paper.table_2),
@@ -91,6 +95,7 @@ def _sections(
     in_all = [tables.agreement_table(many_bodies), tables.many_switches_table(many_bodies)] if many_bodies else []
     in_engines = [tables.engine_table(engines)] if engines else []
     sections = [
+        Section("In short", "short", [*shown("overview"), findings(reproduction, claims, paper)]),
         Section("Verdicts", "verdicts", overview),
         Section("Theory", "theory", [_theory(reproduction.transitions)]),
         Section("Body and learning", "body", body),
@@ -99,6 +104,7 @@ def _sections(
             "frequency",
             [*exp_1, *shown(*(f"figure_{number}" for number in range(2, 8)), "tracking")],
         ),
+        Section("As published", "published", published),
         Section("Exp. 2: effort", "energy", [*exp_2, *shown("figure_8")]),
         Section("Exp. 3: hip stiffness", "stiffness", [*exp_3, *shown("figure_9")]),
         Section("Exp. 4a: rising frequency", "ramp", [*exp_4a, *shown("figure_10")]),

@@ -17,8 +17,10 @@ from posture.reproduce.claims.rules import mode_of
 from posture.reproduce.claims.seed_means import group_by, mean_of, plural, seed_means, theory_means, where
 from posture.reproduce.claims.targets import Target
 from posture.reproduce.claims.verdict import Verdict
+from posture.reproduce.experiments import RECIPES
 from posture.reproduce.page.page import Table
 from posture.reproduce.quantities import (
+    COP_SPREAD,
     COST_RATIO,
     ENERGY,
     ENERGY_WEIGHT,
@@ -34,7 +36,7 @@ from posture.reproduce.quantities import (
     Getter,
     Variable,
 )
-from posture.reproduce.reproduction import Body, ManyBodies
+from posture.reproduce.reproduction import Body, ManyBodies, Recipe, last_anti_phase
 
 Results = Sequence[Result]
 ENGINES = {"sagittal": "planar", "mujoco": "SolverMuJoCo", "mujoco_c": "MuJoCo C"}
@@ -216,6 +218,65 @@ def engine_table(results: Results) -> Table:
     headings = ["f [Hz]", *(f"r, {title}" for title in titles), *(f"cost / least, {title}" for title in titles)]
     caption = f"The same policies in each physics engine, {_seeds(results)}; the switch is interpolated"
     return Table(headings, rows, caption, "r" * len(headings))
+
+
+def recipe_table(recipes: Sequence[Recipe], paper: Published) -> Table:
+    """Our training and the published one, in what the paper reports: the policies, and the optimum of each reward."""
+    third, fourth = paper.experiment_3, paper.table_4
+    hip_k, gamma = last_anti_phase(paper)
+    slow, fast, loads = min(paper.table_3.freq_hz), max(paper.table_3.freq_hz), paper.experiment_4b.load_kg
+    published = dict(zip(paper.table_3.freq_hz, paper.table_3.target_head_r, strict=True))
+    modes = dict(zip(paper.table_3.freq_hz, paper.table_3.mode, strict=True))
+    last_in, first_anti = max(f for f in modes if modes[f] == "in"), min(f for f in modes if modes[f] == "anti")
+
+    def at_ends(results: Results, by: Variable, ends: Sequence[float], value: Getter, digits: int) -> str:
+        return ", ".join(_mean(where(results, by, [end]), value, digits) for end in ends)
+
+    def cells(recipe: Recipe) -> list[tuple[str, str]]:
+        """In the order of the rows: the trained policies, the optimum of their reward."""
+        own, load = where(recipe.frequency, FREQ, paper.table_3.freq_hz), recipe.load
+        optima = [where(load, LOAD, [kg])[:1] for kg in loads]
+        return [
+            (_stood(own), "-"),
+            (_switch(recipe.frequency), _hz(recipe.reward_hz)),
+            (_mean(recipe.ramp, lambda result: result.ramp.transition_centred_hz, 2), "-"),
+            (at_ends(own, FREQ, (slow, fast), TARGET_HEAD_R.measured, 4), "-"),
+            (at_ends(own, FREQ, (slow, fast), lambda result: 1e3 * COP_SPREAD.measured(result), 0), "-"),
+            (
+                at_ends(load, LOAD, loads, HIP_ANKLE_R.measured, 2),
+                ", ".join(_r(result.reward.hip_ankle_r) for found in optima for result in found) or "-",
+            ),
+            ("-", _r(recipe.soft_r)),
+            ("-", _r(recipe.cheap_r)),
+            (_mean(own, COST_RATIO.measured, 2), "-"),
+        ]
+
+    switch = paper.experiment_4a.transition_hz
+    labels = [
+        ("trials of Exp. 1 that stood", "-"),
+        ("switch of modes [Hz]", f"{last_in:.2f} to {first_anti:.2f}"),
+        ("the same in a ramp, centred windows [Hz]", f"{switch:g}"),
+        (f"target-head r at {slow:g} and {fast:g} Hz", f"{published[slow]:.4f}, {published[fast]:.4f}"),
+        (f"spread of the centre of pressure at {slow:g} and {fast:g} Hz [mm]", "grows"),
+        (f"hip-ankle r with {loads[0]:g} and {loads[-1]:g} kg", "positive, negative"),
+        (f"hip-ankle r with hips of {hip_k:g} Nm/rad at {third.freq_hz:g} Hz", "negative"),
+        (f"hip-ankle r at gamma {gamma:g} and {fourth.freq_hz:g} Hz", "negative"),
+        ("cost / least", "-"),
+    ]
+    columns = [cells(recipe) for recipe in recipes]
+    rows = [[name, theirs, *(cell for column in columns for cell in column[i])] for i, (name, theirs) in enumerate(labels)]
+    names = [RECIPES[recipe.name] for recipe in recipes]
+    headings = ["", "paper", *(text for name in names for text in (name, f"{name}: optimum of its reward"))]
+    seeds = ", ".join(f"{RECIPES[recipe.name]}: {_seeds(recipe.frequency)}" for recipe in recipes)
+    return Table(headings, rows, f"Our training and the published one ({seeds})", "l" + "r" * (len(headings) - 1))
+
+
+def _r(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.2f}"
+
+
+def _hz(value: float) -> str:
+    return "none" if math.isnan(value) else f"{value:.3f}"
 
 
 def _coordination_table(

@@ -30,6 +30,15 @@ the motion of least torque within the tolerance, and at **{reward}** for the opt
 fitted: masses, lengths and springs are those of the simulated body.
 """
 
+AS_PUBLISHED = """
+Our training differs from the published one in reward, episodes and learner, because the published one is hard to learn from.
+Here the published one was run as well: the learner of paper Table 2 with the reward, observations and episodes of the
+authors' code. That code has two errors. The head's distance from its target is summed over all worlds before the reward is
+taken of it, and the energy term multiplies each torque by the velocity of the next joint. One training has them corrected,
+the other has them as they are. What all trainings show comes from the body; what only some show comes from the reward or
+from the learner.
+"""
+
 HOW_IT_WAS_MADE = """
 Trained between {first} and {last} on {platforms}, Python {pythons}, with {versions}. Code of the task, the
 physics and the learner: {codes}. Commits: {commits}.
@@ -52,6 +61,11 @@ LEFT_OUT = (
 )
 
 FIGURES: dict[str, tuple[str, str]] = {
+    "overview": (
+        "Hip-ankle correlation against target frequency, of the trained policies, of theory, and the paper's modes",
+        "Correlation of hip and ankle against target frequency: trained policies, the least-torque motion and the optimum "
+        "of the trained reward in theory, and the paper's modes.",
+    ),
     "figure_2": (
         "The body from the side during one cycle, at the lowest and at the highest frequency",
         "Fig. 2. One cycle in-phase and one in anti-phase, drawn from the joint angles of a trained policy.",

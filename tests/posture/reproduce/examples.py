@@ -17,7 +17,7 @@ from posture.config.reproduce import ReportConfig
 from posture.config.train import TrainConfig
 from posture.reproduce.claims.stiffness import map_grid
 from posture.reproduce.claims.verdict import Transitions
-from posture.reproduce.experiments import EVALUATIONS
+from posture.reproduce.experiments import EVALUATIONS, TRAININGS
 from posture.reproduce.reproduction import Body, Reproduction, Traces, Training
 
 CONF = Path(__file__).parents[3] / "conf"
@@ -98,7 +98,7 @@ def paper_results(seeds: int = 3) -> dict[str, list[Result]]:
     sign = {"in": 0.9, "anti": -0.9}
     table, third = PAPER.table_4, PAPER.experiment_3
     at_one = dict(zip(third.hip_k_nm_per_rad, third.mode, strict=True))
-    found: dict[str, list[Result]] = {name: [] for name in ("frequency", "energy", "hip_stiffness", "map", *EVALUATIONS)}
+    found: dict[str, list[Result]] = {name: [] for name in (*TRAININGS, *EVALUATIONS)}
     for seed in range(1, seeds + 1):
         found["frequency"] += [frequency_result(hz, seed) for hz in FREQS]
         for i, gamma in enumerate(table.gamma):
@@ -109,9 +109,11 @@ def paper_results(seeds: int = 3) -> dict[str, list[Result]]:
             r = 0.5 if 50 <= k <= 100 and hz < 0.3 else sign[at_one[k]] + 1e-4 * (k - 125)
             found["hip_stiffness"].append(result(r, seed, hip_k_nm_per_rad=k, freq_hz=hz, hip_range_deg=40 - 0.1 * k))
         ramp = RampTransitions(0.67 + 0.01 * seed, 1, 0.76 + 0.01 * seed, 1)
-        found["ramp"].append(result(0.1, seed, freq_hz=math.nan, ramp=ramp))
-        found["map"] += [frequency_result(hz, seed) for hz in FREQS]
-        for name in ("load", "load_trained"):
+        for name in ("ramp", "ramp_as_published", "ramp_as_run"):
+            found[name].append(result(0.1, seed, freq_hz=math.nan, ramp=ramp))
+        for name in ("map", "as_published", "as_run"):
+            found[name] += [frequency_result(hz, seed) for hz in FREQS]
+        for name in ("load", "load_trained", "load_as_published", "load_as_run"):
             found[name] += [result(0.9 - 0.4 * kg, seed, load_kg=kg) for kg in np.arange(0, 4.5, 0.5)]
         for a in REPORT.grid.amplitudes_m:
             found["amplitude"] += [frequency_result(hz, seed, 0.69 + 0.5 * (a - 0.1), a) for hz in TEN]

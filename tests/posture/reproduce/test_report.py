@@ -51,13 +51,16 @@ def make_plan() -> command.Plan:
         "energy": vary("energy", "energy_weight", PAPER.table_4.gamma),
         "hip_stiffness": vary("hip_stiffness", "hip_k", PAPER.experiment_3.hip_k_nm_per_rad),
         "map": vary("map", "hip_k", [125.0]),
+        "as_published": vary("as_published", "hip_k", [125.0]),
+        "as_run": vary("as_run", "hip_k", [125.0]),
     }
     evaluations = {
-        "ramp": vary("ramp", "load", [None]),
+        "ramp": (ramp := vary("ramp", "load", [None])),
         "load": (load := vary("load", "load", [0.5 * i for i in range(9)])),
         "load_trained": load,
         "amplitude": vary("amplitude", "amplitude", REPORT.grid.amplitudes_m),
         "engines": vary("engines", "physics", ["sagittal", "mujoco", "mujoco_c"]),
+        **{f"{trial}_{name}": own for name in ("as_published", "as_run") for trial, own in (("ramp", ramp), ("load", load))},
     }
     wanted = {name: [job for job in own if command._seed(job) <= 2] for name, own in trainings.items()}
     return command.Plan(trainings, wanted, evaluations)
@@ -155,6 +158,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[command.Pla
         # Theory has its own tests, and takes half a minute here.
         patch.setattr(collect, "theory_transitions", lambda *_: TRANSITIONS)
         patch.setattr(collect, "_with_reward_optimum", lambda results, *_: [replace(r, reward=NO_REWARD) for r in results])
+        patch.setattr(collect, "reward_transition", lambda *_: 0.75)
+        patch.setattr(collect, "reward_optimum", lambda *_: None)
+        patch.setattr(collect, "hip_ankle_correlation", lambda _: 0.25)
         (job,) = check("reproduce", ReproduceConfig, ["stages=[report]"]).jobs
         assert isinstance(job.config, ReproduceConfig)
         plan = make_plan()
@@ -182,8 +188,8 @@ def test_the_page_is_whole(made: object) -> None:
     read = Reader(text)
     anchors = [section["id"] for section in read.all("section")]
     links = {str(a["href"]).removeprefix("#") for a in read.all("a") if str(a["href"]).startswith("#")}
-    assert len(anchors) == len(set(anchors)) == 14 and links == set(anchors)
-    assert len(read.all("img")) == 16 and all(image["alt"] for image in read.all("img"))
+    assert len(anchors) == len(set(anchors)) == 16 and links == set(anchors)
+    assert len(read.all("img")) == 17 and all(image["alt"] for image in read.all("img"))
     assert [span["class"] for span in read.all("span") if "class" in span] == ["verdict reproduced"] * 19
     assert "19 claims: 19 reproduced." in read.text and "2 seeds; no falls" in read.text
     for table in re.findall(r"<table.*?</table>", text, re.S):
@@ -193,6 +199,11 @@ def test_the_page_is_whole(made: object) -> None:
     row = "| 0.15 | 0.92 (0.92 to 0.92) | 22 (22 to 22) | in-phase | 0.91 | - | 1.10 (1.10 to 1.10) | 2/2 | in-phase |"
     assert row in summary
     assert "{" not in summary  # every number is filled in
+    # tanh(3 (0.69 - f)) is 0 at 0.69 Hz; the cost ratio is 1.1.
+    assert "The modes switch at 0.690 (0.690 to 0.690) Hz; the paper's at 0.69 Hz in a ramp." in summary
+    assert "authors' code as it was run 0.690 (0.690 to 0.690) Hz (best for its reward: 0.750 Hz)" in summary
+    assert "| hip-ankle r with 0 and 4 kg | positive, negative | 0.90 (0.90 to 0.90), -0.70 (-0.70 to -0.70) |" in summary
+    assert "| hip-ankle r with hips of 100 Nm/rad at 0.5 Hz | negative | - | 0.25 |" in summary
     assert "| energy | 18 of 27 | 1, 2 | 1.8 |" in summary  # nine weights, 360 s each
     assert "| random | 2 | 4 | 0 | 1.04 | 1.18 | 96% | 1.03 | 1.10 | 100% | - |" in summary
     assert "| 125 | 0.600 | 0.700 | 0.650 | 0.680 |" in summary and "policies trained with loads, 2 seeds" in summary

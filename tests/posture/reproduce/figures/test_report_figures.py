@@ -46,7 +46,7 @@ from tests.posture.reproduce.examples import (
     swept,
 )
 
-FREQUENCY_FIGURES = {"figure_5", "figure_6", "figure_7", "tracking"}
+FREQUENCY_FIGURES = {"overview", "figure_5", "figure_6", "figure_7", "tracking"}
 
 
 def draw(folder: Path, results: dict[str, list[Result]], given: Traces = Traces()) -> set[str]:  # noqa: B008
@@ -67,7 +67,7 @@ def spans(ax: Axes) -> dict[Any, tuple[float, float]]:
 
 def test_all_figures_are_drawn_and_none_is_blank(tmp_path: Path) -> None:
     given = Traces(steady(TEN), swept(), {0.0: steady([0.4]), 4.0: steady([0.4], fall_step=900)})
-    names = {*(f"figure_{number}" for number in range(2, 14)), "amplitude", "engines", "tracking"}
+    names = {*(f"figure_{number}" for number in range(2, 14)), "amplitude", "engines", "overview", "tracking"}
     assert draw(tmp_path, paper_results(), given) == names
     for path in tmp_path.iterdir():
         page = matplotlib.image.imread(path)[..., :3]
@@ -108,7 +108,7 @@ def test_trajectories_give_their_figures(given: Traces, figures: set[str], tmp_p
 
 def test_figures_of_falls_only(tmp_path: Path) -> None:
     results = {name: list(map(fallen, own)) for name, own in paper_results(2).items()}
-    assert len(draw(tmp_path, results)) == 10
+    assert len(draw(tmp_path, results)) == 11
 
 
 def test_falls_have_no_values() -> None:
