@@ -4,14 +4,16 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
 
-from envs.config import Freq, Seconds, Strict, check_once
+from envs.config import Freq, Seconds, Strict, check_followed, check_once
 from posture.config.checks import CommandConfig, PathText
-from posture.config.eval import EvaluationConfig
+from posture.config.eval import MAX_SAMPLES, MAX_STEPS, EvaluationConfig
 from posture.config.map import Frequencies
 
 Experiment = Literal["staircase", "ramp", "perturbation", "fluctuation"]
 FEWEST_CYCLES = 3
 """Without which a standard deviation over cycles says nothing."""
+FEWEST_STEPS = 8
+"""Control steps after a push without which a recovery cannot be seen."""
 Name = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$")]
 
 
@@ -20,7 +22,7 @@ class StaircaseConfig(Strict):
 
     cycles: Annotated[int, Field(ge=2, le=1000)]
     skip: Annotated[int, Field(ge=0, le=1000)]
-    courses: dict[Name, Annotated[tuple[Freq, ...], Field(min_length=2, max_length=200)]]
+    courses: Annotated[dict[Name, Annotated[tuple[Freq, ...], Field(min_length=2, max_length=200)]], Field(min_length=1)]
 
     @field_validator("courses")
     @classmethod
@@ -112,3 +114,39 @@ class DynamicsConfig(CommandConfig):
                 f"cycles at {lowest:g} Hz"
             )
         return self
+
+
+def check_trials(config: DynamicsConfig, control_dt: float) -> None:
+    """Raise ValueError unless all trials suit a policy with control steps of `control_dt` [s]: each has a step or more, fits
+    in memory, and has targets slow enough; a push lasts a step or more, and the recovery from it several."""
+    push, ramp = config.perturbation, config.ramp
+    way = (ramp.end - ramp.start) / ramp.rate
+    # Of each kind of trial: key, highest frequency [Hz], duration [s], and how many there are at once.
+    kinds = {
+        "staircase": [
+            (f"staircase.courses.{name}", freq[-1], 2 * config.staircase.cycles * sum(1 / one for one in freq), 1)
+            for name, freq in config.staircase.courses.items()
+        ],
+        "ramp": [("ramp", ramp.end, 2 * way, 1)],
+        "perturbation": [("perturbation", push.freq.values[-1], push.duration, len(push.freq.values))],
+        "fluctuation": [
+            ("fluctuation", config.fluctuation.freq.values[-1], config.evaluation.duration, len(config.fluctuation.freq.values))
+        ],
+    }
+    for key, highest, duration, count in (trial for kind in config.what for trial in kinds[kind]):
+        check_followed(highest, control_dt, key)
+        most = min(MAX_SAMPLES // (count * config.repeats), MAX_STEPS) * control_dt
+        if duration > most:
+            raise ValueError(
+                f"{key}: {duration:.6g} s; allowed is at most {most:.6g} s for {count * config.repeats} trials in control "
+                f"steps of {control_dt:g} s"
+            )
+    if "ramp" in config.what and way < (window := 2 * ramp.window / (ramp.start + ramp.end)):
+        raise ValueError(f"ramp.window: {window:.4g} s, but each way of the ramp takes {way:.4g} s")
+    if "perturbation" in config.what:
+        if round(push.time / control_dt) < 1:
+            raise ValueError(f"perturbation.time: {push.time:g} s is less than a control step of {control_dt:g} s")
+        if round((push.every - push.time) / control_dt) <= FEWEST_STEPS:
+            raise ValueError(
+                f"perturbation.every: {push.every:g} s leaves no time to recover in control steps of {control_dt:g} s"
+            )

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from posture.cli import entry
-from posture.config.dynamics import DynamicsConfig
+from posture.config.dynamics import DynamicsConfig, check_trials
 from posture.config.errors import ConfigError
 from posture.storage import checkpoint, run_dir, yaml_files
 
@@ -82,9 +82,13 @@ def examine(config: DynamicsConfig, folder: Path) -> None:
 
 
 def check(configs: Sequence[DynamicsConfig], in_sweep: bool) -> None:
-    """Raise ConfigError if there is no policy for one of the jobs."""
+    """Raise ConfigError if there is no policy for one of the jobs, or its control steps do not suit the trials."""
     for config in configs:
-        run_dir.find_checkpoints(config.ckpt)
+        for model in run_dir.find_checkpoints(config.ckpt):
+            try:
+                check_trials(config, run_dir.read_config(model.parent).env.control_dt)
+            except ValueError as error:
+                raise ConfigError(str(error)) from None
 
 
 def main() -> None:

@@ -12,8 +12,6 @@ import torch
 from envs.task.head_tracking import HeadTrackingEnv
 from posture.analysis.trajectory import Array, Trajectory
 from posture.config.dynamics import DynamicsConfig, PerturbationConfig
-from posture.config.eval import EvaluationConfig
-from posture.config.reading import read
 from posture.config.train import TrainConfig
 from posture.evaluation.rollout import Policy, rollout
 from posture.evaluation.trial import AS_TRAINED, open_trial, trial_config
@@ -23,8 +21,8 @@ def opened(
     model: Path, run: TrainConfig, freq: Sequence[float], duration: float, config: DynamicsConfig
 ) -> tuple[HeadTrackingEnv, Policy]:
     """Worlds with targets of `freq`[i] [Hz], for trials of `duration` [s], and the policy of checkpoint `model`."""
-    wanted = {"freq": tuple(freq), "duration": duration, "transient": 0.0}
-    evaluation = read(EvaluationConfig, config.evaluation.model_dump() | wanted)
+    # Not read again: there may be more worlds than an evaluation has frequencies.
+    evaluation = config.evaluation.model_copy(update={"freq": tuple(freq), "duration": duration, "transient": 0.0})
     trial = trial_config(run.env, evaluation, AS_TRAINED.model_copy(update={"ramp": "none"}), config.device)
     return open_trial(model, run, trial, config.device)
 

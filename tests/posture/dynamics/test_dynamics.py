@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from posture.cli import jobs
-from posture.config.dynamics import DynamicsConfig
+from posture.config.dynamics import DynamicsConfig, check_trials
 from posture.dynamics import courses, trials
 from posture.storage import run_dir
 from tests.commands import call, refused, table
@@ -77,6 +77,23 @@ def test_the_command_writes_tables_findings_and_a_figure(monkeypatch, tmp_path, 
     assert {path.name for path in tmp_path.iterdir()} == {"switches.csv", "findings.csv", "dynamics.yaml"}
 
 
+def test_targets_too_fast_for_the_control_steps_of_the_policy_are_refused():
+    """At 0.1 s a period of six steps is 1 / 0.6 s = 1.667 Hz."""
+    for key, value in (
+        ("+staircase.courses.fast", "[1,2]"),
+        ("ramp.end", "2"),
+        ("perturbation.freq.high", "2"),
+        ("fluctuation.freq.high", "2"),
+    ):
+        with pytest.raises(ValueError, match="allowed is at most 1.667 Hz"):
+            check_trials(jobs.compose("dynamics", DynamicsConfig, f"{key}={value}"), 0.1)
+
+
+def test_there_may_be_more_trials_at_once_than_frequencies_in_an_evaluation(shipped):
+    conf = config("repeats=501")
+    assert trials.opened(*shipped, conf.repeats * [1.0], 1.0, conf)[0].num_envs == 501
+
+
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
@@ -92,6 +109,14 @@ def test_the_command_writes_tables_findings_and_a_figure(monkeypatch, tmp_path, 
         (["ckpt=nowhere"], "nowhere"),
         (["device=tpu"], "device: 'tpu' is not known"),
         (["ckpt=[pretrained,pretrained]"], "several policies of one seed"),
+        (["~staircase.courses.platform", "~staircase.courses.head_tracking"], "staircase.courses = {}"),
+        # A push of no control step would never end.
+        (["perturbation.time=0.005"], "perturbation.time: 0.005 s is less than a control step of 0.0166 s"),
+        (["perturbation.every=0.1", "perturbation.time=0.04"], "perturbation.every: 0.1 s leaves no time to recover"),
+        (["ramp.rate=1e-12"], "ramp: 2.2e+12 s; allowed is at most 20750 s for 8 trials"),
+        (["ramp.rate=10"], "ramp.window: 3.077 s, but each way of the ramp takes 0.11 s"),
+        (["repeats=1000", "what=[fluctuation]"], "fluctuation: 100 s; allowed is at most 7.2044 s for 23000 trials"),
+        (["staircase.courses.platform=[0.001,0.002]", "staircase.cycles=1000"], "staircase.courses.platform: 3e+06 s"),
     ],
 )
 def test_bad_input_is_refused_in_one_line(monkeypatch, tmp_path, capsys, overrides, message):
