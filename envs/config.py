@@ -354,9 +354,14 @@ class EnvConfig(Strict):
                 raise ValueError(
                     f"sensing.exact: no group of observations is called {group}; allowed are {', '.join(self.observations)}"
                 )
-        sensed = {term for group, terms in self.observations.items() if group not in sensing.exact for term in terms}
+        sensed = self._sensed
         if not sensed and not sensing.is_exact:
             raise ValueError("sensing.exact: it names all groups with terms, so that nothing is sensed late or with noise")
+        if sensing.delay_steps(self.control_dt) >= self.episode_bounds[1]:
+            raise ValueError(
+                f"sensing.delay: {sensing.delay:g} s is as long as an episode of {self.episode_bounds[1]} control steps of "
+                f"{self.control_dt:g} s, so that nothing but its start is sensed"
+            )
         for name, noise in sensing.noise.items():
             if name not in TERMS:
                 raise ValueError(f"sensing.noise: unknown {name}; allowed are {', '.join(sorted(sensed)) or 'none'}")
@@ -365,6 +370,11 @@ class EnvConfig(Strict):
                 if isinstance(given, tuple) and len(given) != size:
                     units = ", ".join(f"{value} [{unit}]" for value, unit in TERMS[name].components)
                     raise ValueError(f"sensing.noise.{name}.{part}: {len(given)} numbers for {size} values: {units}")
+
+    @property
+    def _sensed(self) -> set[str]:
+        """The observation terms that are not exact everywhere."""
+        return {term for group, terms in self.observations.items() if group not in self.sensing.exact for term in terms}
 
     @property
     def observed(self) -> dict[str, list[Component]]:
@@ -394,6 +404,10 @@ class EnvConfig(Strict):
             unused[f"{prefix}sensing.history_step"] = f"with {prefix}sensing.history=0"
         if not any(noise.drift for noise in self.sensing.noise.values()):
             unused[f"{prefix}sensing.drift_time"] = f"without a drift in {prefix}sensing.noise"
+        if self.sensing.delay and not self.sensing.delay_steps(self.control_dt):
+            unused[f"{prefix}sensing.delay"] = f"below half a control step of {self.control_dt:g} s"
+        silent = (f"{prefix}sensing.noise.{name}" for name in self.sensing.noise if name not in self._sensed)
+        unused |= dict.fromkeys(silent, "on what is not observed, or only exactly")
         if self.sensing.is_exact:
             unused[f"{prefix}sensing.exact"] = f"where {prefix}sensing has neither delay nor noise nor history"
         if self.reward.effort_exponent == 0:

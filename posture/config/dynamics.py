@@ -119,7 +119,7 @@ class DynamicsConfig(CommandConfig):
 def check_trials(config: DynamicsConfig, control_dt: float) -> None:
     """Raise ValueError unless all trials suit a policy with control steps of `control_dt` [s]: each has a step or more, fits
     in memory, and has targets slow enough; a push lasts a step or more, and the recovery from it several."""
-    push, ramp = config.perturbation, config.ramp
+    push, ramp, steady = config.perturbation, config.ramp, config.fluctuation.freq.values
     way = (ramp.end - ramp.start) / ramp.rate
     # Of each kind of trial: key, highest frequency [Hz], duration [s], and how many there are at once.
     kinds = {
@@ -129,9 +129,7 @@ def check_trials(config: DynamicsConfig, control_dt: float) -> None:
         ],
         "ramp": [("ramp", ramp.end, 2 * way, 1)],
         "perturbation": [("perturbation", push.freq.values[-1], push.duration, len(push.freq.values))],
-        "fluctuation": [
-            ("fluctuation", config.fluctuation.freq.values[-1], config.evaluation.duration, len(config.fluctuation.freq.values))
-        ],
+        "fluctuation": [("fluctuation", steady[-1], config.evaluation.duration, len(steady))],
     }
     for key, highest, duration, count in (trial for kind in config.what for trial in kinds[kind]):
         check_followed(highest, control_dt, key)

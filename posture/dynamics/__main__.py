@@ -60,14 +60,17 @@ def examine(config: DynamicsConfig, folder: Path) -> None:
             relaxation += measures.relaxations_of(*trials.pushed_and_twin(model, run, config), run.seed, config)
     switches = measures.switches_of_steps(steps) + ramps
     found = findings(switches, fluctuation, relaxation, config.near)
-    for name in FILES:  # of an earlier start
-        (folder / name).unlink(missing_ok=True)
+    (folder / "dynamics.yaml").unlink(missing_ok=True)  # it describes an earlier start
     tables: tuple[Sequence[Any], ...] = (steps, switches, fluctuation, relaxation, found)
     for name, rows in zip(FILES, tables, strict=False):
         if rows:
             write_rows([asdict(row) for row in rows], folder / name)
+        else:
+            (folder / name).unlink(missing_ok=True)
     if steps or fluctuation or relaxation:
         draw(steps, fluctuation, relaxation, folder / "dynamics.png")
+    else:
+        (folder / "dynamics.png").unlink(missing_ok=True)
     yaml_files.write_yaml(
         folder / "dynamics.yaml",
         {

@@ -25,7 +25,7 @@ LITERATURE = {
 """What the abstracts say of people."""
 
 NEGLIGIBLE_HZ = 0.01
-"""A smaller mean width is called none, however certain it is [Hz]; the steps of a staircase are 0.05 Hz or more."""
+"""Where all of the interval is smaller, there is none that counts [Hz]; the steps of a staircase are 0.05 Hz or more."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def _hysteresis(course: str, switches: Sequence[SwitchRow]) -> Finding:
     own = [row for row in switches if row.course == course]
     seeds = {row.seed: [one.width_hz for one in own if one.seed == row.seed] for row in own}
     value, low, high = _interval(list(seeds.values()))
-    if abs(value) < NEGLIGIBLE_HZ:
+    if max(abs(low), abs(high)) < NEGLIGIBLE_HZ:
         meaning = f"no hysteresis of {NEGLIGIBLE_HZ:g} Hz or more"
     elif math.isnan(low):
         meaning = "-" if math.isnan(value) else "no interval: one trial"

@@ -4,6 +4,7 @@ each analogue channel, its mean over the samples of a frame. Samples are named b
 from __future__ import annotations
 
 import importlib.util
+import struct
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,8 @@ from posture.recording.table import Table, refuse, unit_of
 
 SUFFIX = ".c3d"
 _AXES = ("x", "y", "z")
+_MOST_FRAMES = 65535
+"""As the number of the last frame in the header: that or more."""
 
 
 def check_installed() -> None:
@@ -30,7 +33,8 @@ def read_c3d(path: Path) -> Table:
     import ezc3d
 
     try:
-        path.open("rb").close()  # ezc3d's own message does not say why
+        with path.open("rb") as file:  # ezc3d's own message does not say why
+            header = file.read(10)
     except OSError as error:
         raise refuse(path, f"cannot be read: {error.strerror}") from None
     try:
@@ -46,6 +50,9 @@ def read_c3d(path: Path) -> Table:
     frames = points.shape[2]
     if not frames or not rate > 0 or not labels:
         raise refuse(path, f"has {frames} frames of {len(labels)} points at {rate:g} Hz")
+    first, last = struct.unpack("<HH", header[6:10])
+    if first <= last < _MOST_FRAMES and frames < last - first + 1:
+        raise refuse(path, f"was cut short: it has {frames} of its {last - first + 1} frames")
     length, angle = (unit_of("".join(_texts(parameters["POINT"], name)[:1])) for name in ("UNITS", "ANGLE_UNITS"))
     labels, channels = labels[: points.shape[1]], channels[: analogs.shape[1]]
 

@@ -55,6 +55,8 @@ _FACTOR = {
     "time": {"s": 1.0, "ms": 0.001},
 }
 """Into SI units."""
+SLOW = 0.5
+"""No recording of a stander has samples this far apart [s]; times that are have another unit, or are numbers of frames."""
 LARGEST = {"angle": 10.0, "length": 5.0}
 """What no recording of a stander reaches: an angle [rad], or the distance of a position from its median [m]."""
 
@@ -240,6 +242,12 @@ def _time(table: Table, found: Mapping[int, Array], places: Sequence[int], confi
         sample = int(back[0]) + 1
         before, now = found[place][sample - 1], found[place][sample]
         raise ConfigError(f"{table.place(sample, place)}: {now:.10g} does not come after {before:.10g}, the time before it")
+    if unit not in _FACTOR["time"] and len(time) > 1 and (apart := np.median(np.diff(time))) >= SLOW:
+        raise refuse(
+            table.path,
+            f"nothing says the unit of column {table.names[place]}, whose values are {apart:g} apart; call it time [s] or "
+            "time [ms], or leave it out and give rate=, if these are numbers of frames",
+        )
     return time
 
 

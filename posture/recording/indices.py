@@ -255,14 +255,14 @@ def _cycles(recording: Recording, freq: float, parts: list[slice], phases: Array
     def each(value: Callable[[slice], float]) -> Array:
         return np.array([value(part) for part in parts])
 
-    def coordination(part: slice) -> float:
-        moving = min(np.ptp(hip[part]), np.ptp(ankle[part])) >= still
-        return correlation(hip[part], ankle[part]) if moving else math.nan
+    def moving(value: Callable[[slice], float]) -> Array:
+        """`value` of each cycle in which both joints move, of the others nan."""
+        return each(lambda part: value(part) if min(np.ptp(hip[part]), np.ptp(ankle[part])) >= still else math.nan)
 
     values = {
-        "hip_ankle_r": each(coordination),
+        "hip_ankle_r": moving(lambda part: correlation(hip[part], ankle[part])),
         "phase_deg": phases,
-        "relative_phase_deg": each(lambda part: math.degrees(2 * relative_phase_paper(hip, ankle, time, freq, [part]))),
+        "relative_phase_deg": moving(lambda part: math.degrees(2 * relative_phase_paper(hip, ankle, time, freq, [part]))),
         "hip_range_deg": each(lambda part: math.degrees(np.ptp(hip[part]))),
         "ankle_range_deg": each(lambda part: math.degrees(np.ptp(ankle[part]))),
     }

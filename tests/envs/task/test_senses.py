@@ -160,8 +160,9 @@ def test_senses_without_delay_noise_and_history_are_exact(env_config):
         ("+env.sensing.noise={head: {white: -1, drift: 0}}", "noise.head.white"),
         ("env.sensing.exact=[missing]", "sensing.exact: no group of observations is called missing; allowed are policy"),
         ("env.sensing.delay=3", "sensing.delay"),
+        ("env.sensing.delay=1", "1 s is as long as an episode of 50 control steps"),
     ],
 )
 def test_bad_input_is_refused_in_one_line(env_config, override, message):
     with pytest.raises(Exception, match=message):
-        environment(env_config, override)
+        environment(env_config, override, *(["env.episode_steps=50"] if "delay=1" in override else []))

@@ -15,6 +15,12 @@ REFUSED = [
     ("train", ["+env.observations.more=[head]"], "env.observations.more: has no effect without agent.obs_groups"),
     (
         "train",
+        ["env=human", "agent=human", "+env.sensing.noise.joint_angle={white: 0.1, drift: 0}"],
+        "env.sensing.noise.joint_angle.white: has no effect on what is not observed, or only exactly",
+    ),
+    ("train", ["env.sensing.delay=0.005"], "env.sensing.delay: has no effect below half a control step of 0.0166 s"),
+    (
+        "train",
         ["agent.algorithm.schedule=fixed", "agent.algorithm.desired_kl=0.1"],
         "agent.algorithm.desired_kl: has no effect with agent.algorithm.schedule=fixed",
     ),

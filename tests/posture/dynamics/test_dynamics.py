@@ -1,5 +1,6 @@
 """The trials in the simulation, and the command."""
 
+import errno
 import math
 
 import numpy as np
@@ -75,6 +76,19 @@ def test_the_command_writes_tables_findings_and_a_figure(monkeypatch, tmp_path, 
     # Only what is asked for, also where there was more.
     call(monkeypatch, "dynamics", "ckpt=pretrained/universal", f"out={tmp_path}", "repeats=1", RAMP, "what=[ramp]")
     assert {path.name for path in tmp_path.iterdir()} == {"switches.csv", "findings.csv", "dynamics.yaml"}
+
+
+def test_a_full_disk_leaves_the_tables_of_an_earlier_start(monkeypatch, tmp_path):
+    (tmp_path / "switches.csv").write_text("earlier")
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("posture.analysis.results.write_rows", full)
+    with pytest.raises(SystemExit) as stopped:
+        call(monkeypatch, "dynamics", "ckpt=pretrained/universal", f"out={tmp_path}", "repeats=1", RAMP, "what=[ramp]")
+    assert stopped.value.code == 1
+    assert (tmp_path / "switches.csv").read_text() == "earlier"
 
 
 def test_targets_too_fast_for_the_control_steps_of_the_policy_are_refused():

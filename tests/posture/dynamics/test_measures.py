@@ -189,6 +189,8 @@ def test_hysteresis_over_seeds_has_students_interval():
     assert named(findings(wide, [], [], 0.1))["hysteresis_ramp"].found.startswith("hysteresis")
     tiny = [SwitchRow("ramp", seed, 0, 0.7, 0.698, width) for seed, width in enumerate((0.002, 0.0021, 0.0019))]
     assert named(findings(tiny, [], [], 0.1))["hysteresis_ramp"].found == "no hysteresis of 0.01 Hz or more"
+    unknown = [SwitchRow("ramp", seed, 0, 0.7, 0.7 - width, width) for seed, width in enumerate((0.1, -0.1, 0.001))]
+    assert named(findings(unknown, [], [], 0.1))["hysteresis_ramp"].found == "no hysteresis that could be told from zero"
     reversed_ = [SwitchRow("ramp", seed, 0, 0.5, 0.7, -width) for seed, width in enumerate((0.2, 0.21, 0.19))]
     assert named(findings(reversed_, [], [], 0.1))["hysteresis_ramp"].found.startswith("reversed")
 

@@ -49,6 +49,14 @@ def plug_in_gait(motion):
     }
 
 
+def test_a_file_that_was_cut_short_is_refused(tmp_path):
+    path = write_c3d(tmp_path / "a.c3d", plug_in_gait(recording(0.5, 30.0)))
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    with pytest.raises(ConfigError, match=r"was cut short: it has \d+ of its 4000 frames"):
+        read_c3d(path)
+
+
 def test_angles_of_plug_in_gait_and_the_mean_of_two_markers(tmp_path):
     motion = recording(0.5, 30.0)
     path = write_c3d(tmp_path / "a.c3d", plug_in_gait(motion))

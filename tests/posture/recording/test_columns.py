@@ -50,7 +50,7 @@ def test_signs_of_correlation():
 
 
 def test_left_and_right_are_averaged(tmp_path):
-    rows = ["time,hip_flexion_r_rad,hip_flexion_l_rad,ankle_angle_r_rad", "0,-0.1,-0.3,-0.2", "1,-0.2,,-0.2"]
+    rows = ["time [s],hip_flexion_r_rad,hip_flexion_l_rad,ankle_angle_r_rad", "0,-0.1,-0.3,-0.2", "1,-0.2,,-0.2"]
     both = read(tmp_path, rows)
     np.testing.assert_allclose(both.hip, [0.2, np.nan])
     np.testing.assert_allclose(read(tmp_path, rows, "side=right").hip, [0.1, 0.2])
@@ -60,7 +60,7 @@ def test_left_and_right_are_averaged(tmp_path):
 
 
 def test_positions_in_their_units_and_directions(tmp_path):
-    rows = ["time,hip_flexion_r_rad,ankle_angle_r_rad,head_x_mm,target_x", "0,0.1,0.1,-20,-0.02", "1,0.2,0.1,-40,-0.05"]
+    rows = ["time [s],hip_flexion_r_rad,ankle_angle_r_rad,head_x_mm,target_x", "0,0.1,0.1,-20,-0.02", "1,0.2,0.1,-40,-0.05"]
     found = read(tmp_path, [rows[0].replace("target_x", "target_x_m"), *rows[1:]], "scale.head=-1", "scale.target=-1")
     np.testing.assert_allclose(found.head, [0.02, 0.04])
     np.testing.assert_allclose(found.target, [0.02, 0.05])
@@ -77,6 +77,13 @@ def test_times_by_rate_and_in_milliseconds(tmp_path):
     np.testing.assert_allclose(read(tmp_path, rows).time, [0, 0.02])
     with pytest.raises(ConfigError, match="beside which rate= has no effect"):
         read(tmp_path, rows, "rate=50")
+
+
+def test_milliseconds_and_numbers_of_frames_are_not_taken_for_seconds(tmp_path):
+    for name, step in (("time", 10), ("frame", 1)):
+        rows = [f"{name},hip_flexion_r_rad,ankle_angle_r_rad", *(f"{i * step},0.1,0.1" for i in range(3))]
+        with pytest.raises(ConfigError, match=f"nothing says the unit of column {name}, whose values are {step} apart"):
+            read(tmp_path, rows, f"columns.time={name}")
 
 
 def test_a_row_that_was_written_twice_counts_once(tmp_path):

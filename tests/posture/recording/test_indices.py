@@ -51,6 +51,7 @@ def test_mode_and_what_is_left_undefined():
     still, cycles = measured(recording(0.5, ankle=np.full(4000, 0.1)), 0.5)
     assert still.mode == "undefined" and math.isnan(still.hip_ankle_r) and math.isnan(still.phase_mean_deg)
     assert math.isnan(still.hilbert_mean_deg) and np.isnan(cycles.values["hip_ankle_r"]).all()
+    assert np.isnan(cycles.values["relative_phase_deg"]).all()
     alone, cycles = measured(recording(0.5, head=None, target=None), 0.5)
     assert math.isnan(alone.head_amplitude_m) and math.isnan(alone.target_head_r) and "head_speed_mps" not in cycles.values
     assert alone.cycles == 15
