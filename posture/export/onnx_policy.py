@@ -98,6 +98,19 @@ def metadata(run: TrainConfig, model: Path) -> dict[str, str]:
     def listed(values: list[tuple[str, str]]) -> str:
         return json.dumps([{"name": name, "unit": unit} for name, unit in values])
 
+    sensing, actuation = run.env.sensing, run.env.actuation
+    meaning = dict(MEANING)
+    if actuation.time_constant:
+        meaning["torque"] = (
+            "each joint of a kind gets the actuator torque torque_limit_nm x activation, which is 0 at the start; before each "
+            f"step (1 - exp(-control_dt_s / {actuation.time_constant:g})) x (action - activation) is added to it, action "
+            "clipped to [-1, 1]"
+        )
+    if steps := sensing.delay_steps(run.env.control_dt):
+        meaning["delay"] = (
+            f"observations are those of {steps} steps before, at first those of the start; *_last_action and the properties of "
+            "the body are not late"
+        )
     return {
         "observation": listed(observed(run)),
         "action": listed([(kind, "1") for kind in KINDS]),
@@ -105,7 +118,7 @@ def metadata(run: TrainConfig, model: Path) -> dict[str, str]:
         "control_dt_s": repr(run.env.control_dt),
         "policy": f"{model.parent.name}/{model.name}",
         "policy_sha256": hashlib.sha256(model.read_bytes()).hexdigest(),
-        **MEANING,
+        **meaning,
     }
 
 

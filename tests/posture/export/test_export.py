@@ -251,6 +251,14 @@ def test_metadata_of_the_onnx_file(exported, shipped):
     assert not (exported / "out" / "policy.onnx.data").exists()  # the weights are inside
 
 
+def test_metadata_tell_of_delays_and_muscles(shipped):
+    model, run, _ = shipped
+    exact, human = (onnx_policy.metadata(one, model) for one in (run, compose("env=human", "agent=human")))
+    assert "activation" not in exact["torque"] and "delay" not in exact
+    assert "x activation" in human["torque"] and "exp(-control_dt_s / 0.05)" in human["torque"]
+    assert human["delay"].startswith("observations are those of 6 steps before")  # 0.1 s / 0.0166 s
+
+
 def test_names_of_the_components_belong_to_their_values():
     """Every term, for a state with known numbers."""
 
