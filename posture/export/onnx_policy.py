@@ -102,14 +102,14 @@ def metadata(run: TrainConfig, model: Path) -> dict[str, str]:
     meaning = dict(MEANING)
     if actuation.time_constant:
         meaning["torque"] = (
-            "each joint of a kind gets the actuator torque torque_limit_nm x activation, which is 0 at the start; before each "
-            f"step (1 - exp(-control_dt_s / {actuation.time_constant:g})) x (action - activation) is added to it, action "
-            "clipped to [-1, 1]"
+            "each joint of a kind gets the actuator torque torque_limit_nm x activation, which is 0 at the start; before "
+            f"each step (1 - exp(-control_dt_s / {actuation.time_constant:g})) x (action - activation) is added to it, "
+            "action clipped to [-1, 1]"
         )
     if steps := sensing.delay_steps(run.env.control_dt):
         meaning["delay"] = (
-            f"observations are those of {steps} steps before, at first those of the start; *_last_action and the properties of "
-            "the body are not late"
+            f"observations are those of {steps} steps before, at first those of the start; *_last_action and the "
+            "properties of the body are not late"
         )
     return {
         "observation": listed(observed(run)),

@@ -21,12 +21,13 @@ class Worlds(HeadTrackingEnv):
     """N standers. A world whose episode has ended stays as it is until `begin`.
 
     observation_space, action_space: of one world. Action (2,): hip and ankle torque over the torque limit. Observation: the
-    terms of all groups of `env.observations`, side by side.
+    terms of all groups of `env.observations` but those of `env.sensing.exact`, side by side.
     """
 
     def __init__(self, config: GymnasiumConfig) -> None:
         super().__init__(config.env, 0, "cpu", training_steps=config.training_steps, least_costs=least_costs)
-        size = sum(map(len, config.env.observed.values()))
+        self._groups = [name for name in config.env.observations if name not in config.env.sensing.exact]
+        size = sum(len(config.env.observed[name]) for name in self._groups)
         self.observation_space = spaces.Box(-np.inf, np.inf, (size,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (len(KINDS),), np.float32)
         self._picture: Picture | None = None
@@ -52,7 +53,7 @@ class Worlds(HeadTrackingEnv):
     def observe(self) -> Array:
         """The observation, (N, size)."""
         groups = self.get_observations()
-        return torch.cat([groups[name] for name in self.config.observations], dim=-1).numpy()
+        return torch.cat([groups[name] for name in self._groups], dim=-1).numpy()
 
     def info(self) -> dict[str, NDArray[Any]]:
         """(N,) each: momentary frequency of the target [Hz], target minus head along x [m], and whether the world has

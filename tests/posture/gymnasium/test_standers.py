@@ -271,3 +271,12 @@ def test_fixed_reward_is_that_with_which_the_default_training_begins():
     fixed, default = (configure(1, env, None, {}).env for env in ("fixed_reward", "head_tracking"))
     begins = {name: getattr(weight, "start", weight) for name, weight in default.reward}
     assert not fixed.schedules and dict(fixed.reward) == begins
+
+
+def test_senses_of_people_are_all_that_is_observed():
+    """18 values of four moments; the exact ones, which a critic may have, are not among them."""
+    env = gymnasium.make(ID, env="human", **SHORT)
+    seen, _ = env.reset(seed=1)
+    assert env.observation_space.shape == seen.shape == (4 * 18,)
+    groups = env.unwrapped._worlds.get_observations()
+    assert np.array_equal(seen, torch.cat([groups["policy"], groups["target_motion"]], dim=-1)[0])
