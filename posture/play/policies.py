@@ -96,8 +96,8 @@ def policy_choices(ckpt: str, lqr: LqrConfig) -> list[PolicyChoice]:
     controller = PolicyChoice(LQR, play_config(lqr.env))
     first = [controller] if ckpt == LQR else [_trained(model) for model in run_dir.find_checkpoints(ckpt)]
     for choice in first:
-        if choice.model is not None:
-            checkpoint.load(choice.model, "cpu")  # reports a damaged file before the page opens
+        if choice.model is not None and choice.run is not None:
+            TrainedPolicy(choice.model, choice.run)  # reports a file that cannot be used before the page opens
     shipped = [path for path in PRETRAINED.iterdir() if run_dir.is_run(path)] if PRETRAINED.is_dir() else []
     shipped.sort(key=lambda path: (path.name != "default", path.name.split("-")[0], _number(path.name)))
     models = [model for model in map(run_dir.newest_model, shipped) if model is not None]

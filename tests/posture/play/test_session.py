@@ -1,6 +1,7 @@
 """A session without a browser, against hand arithmetic, Newton's laws, the roll-out of posture.eval and the theory."""
 
 import math
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -218,6 +219,15 @@ def test_choices_are_all_shipped_policies_and_the_controller():
     names = [choice.name for choice in policy_choices(config.ckpt, config.lqr)]
     assert names[0] == "pretrained/default" and names[-1] == "lqr" and len(set(names)) == len(names) == 20
     assert policy_choices("lqr", config.lqr)[0].name == "lqr"
+
+
+def test_a_policy_of_another_run_is_refused_before_the_page_opens(tmp_path):
+    """The configuration of one shipped policy beside the weights of another, which observes more."""
+    one, other = (run_dir.find_checkpoint(f"pretrained/{name}") for name in ("default", "universal"))
+    shutil.copy(one.with_name("config.yaml"), tmp_path)
+    shutil.copy(other, tmp_path)
+    with pytest.raises(ConfigError, match="does not hold this run's policy"):
+        policy_choices(str(tmp_path), compose_play().lqr)
 
 
 def test_lqr_tracks_at_the_least_cost_and_replans_for_another_body(body):
