@@ -89,6 +89,7 @@ class DynamicsConfig(CommandConfig):
 
     ckpt: PathText | Annotated[tuple[PathText, ...], Field(min_length=1)]
     device: str
+    again: bool
     what: Annotated[tuple[Experiment, ...], Field(min_length=1)]
     evaluation: EvaluationConfig
     repeats: Annotated[int, Field(ge=1, le=1000)]

@@ -22,7 +22,7 @@ def _override(text: str) -> str:
     return text
 
 
-Experiment = Literal["frequency", "energy", "hip_stiffness", "map", "as_published", "as_run"]
+Experiment = Literal["frequency", "energy", "hip_stiffness", "map", "human", "as_published", "as_run"]
 Stage = Literal["train", "evaluate", "report", "ship"]
 Share = Annotated[float, Field(gt=0, le=1)]
 Rho = Annotated[float, Field(gt=0, le=1)]

@@ -14,7 +14,7 @@ from typing import Any
 from posture.cli import entry
 from posture.config.dynamics import DynamicsConfig, check_trials
 from posture.config.errors import ConfigError
-from posture.storage import checkpoint, run_dir, yaml_files
+from posture.storage import checkpoint, provenance, run_dir, yaml_files
 
 FILES = (
     *("staircase.csv", "switches.csv", "fluctuation.csv", "relaxation.csv"),
@@ -38,7 +38,14 @@ def examine(config: DynamicsConfig, folder: Path) -> None:
         raise ConfigError(f"ckpt: {config.ckpt} holds several policies of one seed; allowed is one of each")
     for model, run in zip(models, runs, strict=True):
         load_policy(checkpoint.load(model, "cpu"), run, model, "cpu")
+    record = {
+        "policies": [policy_record(model, run) for model, run in zip(models, runs, strict=True)],
+        "dynamics": config.model_dump(mode="json", exclude={"ckpt", "out", "again", "device"}),
+    }
     run_dir.writable(folder, *FILES)
+    if not config.again and yaml_files.read_yaml(folder / "dynamics.yaml") == record | _digests(folder):
+        print(f"made before: {folder}")
+        return
     steps: list[measures.StepRow] = []
     ramps: list[measures.SwitchRow] = []
     fluctuation: list[measures.FluctuationRow] = []
@@ -71,17 +78,15 @@ def examine(config: DynamicsConfig, folder: Path) -> None:
         draw(steps, fluctuation, relaxation, folder / "dynamics.png")
     else:
         (folder / "dynamics.png").unlink(missing_ok=True)
-    yaml_files.write_yaml(
-        folder / "dynamics.yaml",
-        {
-            "policies": [policy_record(model, run) for model, run in zip(models, runs, strict=True)],
-            "dynamics": config.model_dump(mode="json", exclude={"ckpt", "out", "device"}),
-        },
-    )
+    yaml_files.write_yaml(folder / "dynamics.yaml", record | _digests(folder))
     import tabulate
 
     print(tabulate.tabulate([asdict(row) for row in found], "keys", floatfmt=".3g"))
     print(*(folder / name for name in FILES if (folder / name).exists()), sep="\n")
+
+
+def _digests(folder: Path) -> dict[str, dict[str, str]]:
+    return provenance.digests(folder, [name for name in FILES[:-1] if (folder / name).exists()])
 
 
 def check(configs: Sequence[DynamicsConfig], in_sweep: bool) -> None:

@@ -26,7 +26,7 @@ from posture.config.eval import EvalConfig
 from posture.config.published import read_published
 from posture.config.reproduce import ReproduceConfig
 from posture.config.train import TrainConfig
-from posture.reproduce.experiments import EVALUATIONS, TRAININGS
+from posture.reproduce.experiments import EVALUATIONS, OF_SEVERAL_SEEDS, TRAININGS
 from posture.reproduce.page import text
 from posture.storage import run_dir
 
@@ -59,8 +59,9 @@ def reproduce(config: ReproduceConfig, folder: Path) -> None:
     if "evaluate" in config.stages:
         done = {name: [job for job in own if fraction_done(job) >= 1] for name, own in plan.wanted.items()}
         failed |= any([run("eval", evaluation(name, config)) for name in EVALUATIONS if done[EVALUATIONS[name].policies]])
-        if done["map"]:
-            failed |= run("map", mapping([str(job.folder) for job in done["map"]], config, folder))
+        for command, experiment in OF_SEVERAL_SEEDS.items():
+            if done[experiment]:
+                failed |= run(command, of_several_seeds(command, done[experiment], config, folder))
     if "report" in config.stages or "ship" in config.stages:
         report(plan, config, folder)
     if "train" in config.stages:
@@ -110,7 +111,7 @@ def report(plan: Plan, config: ReproduceConfig, folder: Path) -> None:
     from posture.reproduce.ship import ship
 
     paper = read_published()
-    reproduction = collect(plan.trainings, plan.evaluations, config.search, paper, folder / "map")
+    reproduction = collect(plan.trainings, plan.evaluations, config.search, paper, folder)
     for warning in warnings(reproduction.trainings, reproduction.left_out):
         print(warning.replace("**", ""), file=sys.stderr)
     if "report" in config.stages:
@@ -137,10 +138,10 @@ def evaluation(name: str, config: ReproduceConfig) -> list[str]:
     return ["-m", f"experiment={trial.experiment}", f"ckpt=runs/{trial.policies}", *own]
 
 
-def mapping(policies: Sequence[str], config: ReproduceConfig, folder: Path) -> list[str]:
-    """Arguments of `python -m posture.map` for the `policies` of many bodies; the map goes into the folder of the report."""
+def of_several_seeds(command: str, policies: Sequence[Job], config: ReproduceConfig, folder: Path) -> list[str]:
+    """Arguments of one of `OF_SEVERAL_SEEDS` for the `policies`; its results go into the folder of the report."""
     own = _of_evaluation(config, "freq", "figures")
-    return [f"ckpt=[{','.join(policies)}]", "again=false", f"out={folder / 'map'}", *own]
+    return [f"ckpt=[{','.join(str(job.folder) for job in policies)}]", "again=false", f"out={folder / command}", *own]
 
 
 def _of_evaluation(config: ReproduceConfig, *without: str) -> list[str]:
@@ -153,7 +154,7 @@ def commands(config: ReproduceConfig) -> list[str]:
     """The command of each experiment, as a user would type it."""
     lines = [["python", "-m", "posture.train", *training(name, config)] for name in TRAININGS]
     lines += [["python", "-m", "posture.eval", *evaluation(name, config)] for name in EVALUATIONS]
-    lines += [["python", "-m", "posture.map", "ckpt=runs/map"]]
+    lines += [["python", "-m", f"posture.{name}", f"ckpt=runs/{policies}"] for name, policies in OF_SEVERAL_SEEDS.items()]
     return [shlex.join(line) for line in lines]
 
 

@@ -28,7 +28,16 @@ from posture.evaluation.trial import AS_TRAINED, is_current, origin, policy_reco
 from posture.learning.resume import training_seconds
 from posture.reproduce.claims.verdict import Transitions
 from posture.reproduce.experiments import EVALUATIONS, RECIPES
-from posture.reproduce.reproduction import Body, ManyBodies, Recipe, Reproduction, Traces, Training, last_anti_phase
+from posture.reproduce.reproduction import (
+    Body,
+    Dynamics,
+    ManyBodies,
+    Recipe,
+    Reproduction,
+    Traces,
+    Training,
+    last_anti_phase,
+)
 from posture.storage import provenance, run_dir, yaml_files
 from posture.theory.motion import motion_indices
 from posture.theory.program import InfeasibleError
@@ -45,13 +54,13 @@ def collect(
     evaluated: Mapping[str, Sequence[Job]],
     search: tuple[float, float],
     paper: Published,
-    map_folder: Path,
+    folder: Path,
 ) -> Reproduction:
     """Read the results of the jobs that are done, by experiment; at least one policy of Exp. 1 must be.
 
     The jobs `trained` train policies, the jobs `evaluated` take those that `EVALUATIONS` names. Left out, and named, are
     runs in the same sweeps that none of these jobs made, and results of other code or under other conditions. `search`:
-    where theory's transitions are looked for [Hz]. `map_folder`: where `posture.map` wrote, if it did.
+    where theory's transitions are looked for [Hz]. `folder`: of the report, in which `OF_SEVERAL_SEEDS` write, too.
     """
     done = {name: [job for job in jobs if fraction_done(job) >= 1] for name, jobs in trained.items()}
     policies = done["frequency"]
@@ -72,6 +81,8 @@ def collect(
     recipes = [
         _recipe(name, results, _config(done[name][0]), search, paper) for name in RECIPES if results.get(name) and done[name]
     ]
+    on_map = _tables(folder / "map", ("agreement", "transitions"), done["map"], left_out)
+    asked = _tables(folder / "dynamics", ("findings",), done["human"], left_out)
     (ramp,) = evaluated["ramp"]
     return Reproduction(
         results={name: found for name, found in results.items() if found},
@@ -82,7 +93,8 @@ def collect(
         run=run,
         left_out=left_out,
         ramp_start=_ramp_start(ramp),
-        many_bodies=_many_bodies(map_folder, done["map"], left_out),
+        many_bodies=ManyBodies(folder / "map" / "map.png", *on_map) if on_map else None,
+        dynamics=Dynamics(folder / "dynamics" / "dynamics.png", *asked) if asked else None,
         recipes=recipes if len(recipes) > 1 else (),
     )
 
@@ -195,24 +207,25 @@ def _recipe(
     )
 
 
-def _many_bodies(folder: Path, policies: Sequence[Job], left_out: list[str]) -> ManyBodies | None:
-    """The map in `folder`; none if it is of other policies or other code, or incomplete: `folder` joins `left_out`."""
+def _tables(folder: Path, names: Sequence[str], policies: Sequence[Job], left_out: list[str]) -> list[list[dict[str, str]]]:
+    """The tables `names` that a command of `OF_SEVERAL_SEEDS` wrote into `folder`; none if they are of other policies or
+    other code, or incomplete: `folder` joins `left_out`."""
     models = [(run_dir.newest_model(job.folder), _config(job)) for job in policies]
     expected = [policy_record(model, run) for model, run in models if model is not None]
     if not folder.is_dir():
-        return None
+        return []
     try:
-        record = yaml_files.read_yaml(folder / "map.yaml")
+        record = yaml_files.read_yaml(folder / f"{folder.name}.yaml")
         whole = provenance.digests(folder, list(record["sha256"]))["sha256"] == record["sha256"]
         made_of = [policy | {"policy": ""} for policy in record["policies"]] if whole else []
-        tables = [_rows(folder / f"{name}.csv") for name in ("agreement", "transitions")]
+        tables = [_rows(folder / f"{name}.csv") for name in names]
     except (OSError, KeyError, TypeError, ConfigError):
         made_of, tables = [], []
-    # The paths of the policies may have been other ones. A map of the first seeds is one of a smaller reproduction.
+    # The paths of the policies may have been other ones. Results of the first seeds are those of a smaller reproduction.
     if not made_of or any(policy not in [own | {"policy": ""} for own in expected] for policy in made_of):
         left_out.append(str(folder))
-        return None
-    return ManyBodies(folder / "map.png", *tables)
+        return []
+    return tables
 
 
 def _rows(path: Path) -> list[dict[str, str]]:

@@ -11,7 +11,7 @@ class Evaluation:
     policies: str = "frequency"
 
 
-TRAININGS = ("frequency", "energy", "hip_stiffness", "map", "as_published", "as_run")
+TRAININGS = ("frequency", "energy", "hip_stiffness", "map", "human", "as_published", "as_run")
 """Experiments that train policies; `frequency` is Exp. 1."""
 RECIPES = {"frequency": "ours", "as_published": "authors' code", "as_run": "authors' code as it was run"}
 """Those that train one policy for all frequencies of Exp. 1 in different ways, and their names in the report."""
@@ -24,3 +24,5 @@ EVALUATIONS = {
     **{f"{trial}_{policies}": Evaluation(trial, policies) for policies in list(RECIPES)[1:] for trial in ("ramp", "load")},
 }
 """By name of the results."""
+OF_SEVERAL_SEEDS = {"map": "map", "dynamics": "human"}
+"""Commands that evaluate all seeds of an experiment together, and the experiment."""

@@ -45,6 +45,14 @@ class ManyBodies:
 
 
 @dataclass(frozen=True)
+class Dynamics:
+    """What `posture.dynamics` wrote about the policies of the experiment `human`: its figure, and its findings as text."""
+
+    figure: Path
+    findings: list[dict[str, str]]
+
+
+@dataclass(frozen=True)
 class Recipe:
     """One way of training a policy for all frequencies of Exp. 1, as `RECIPES` names it, and its results.
 
@@ -96,6 +104,7 @@ class Reproduction:
     left_out: list[str]
     ramp_start: float
     many_bodies: ManyBodies | None = None
+    dynamics: Dynamics | None = None
     recipes: Sequence[Recipe] = ()
 
 

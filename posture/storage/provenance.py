@@ -27,9 +27,9 @@ from posture.storage.migration import VERSION
 ROOT = Path(__file__).resolve().parents[2]
 TRAINING = ("envs/task", "envs/body", "envs/engines", "posture/learning")
 """Packages that determine the result of a training."""
-ANALYSIS = ("posture/analysis", "posture/evaluation", "posture/theory")
+ANALYSIS = ("posture/analysis", "posture/dynamics", "posture/evaluation", "posture/map", "posture/theory")
 """Packages that determine the results of an evaluation and of the theory."""
-PRESENTATION = ("__main__.py", "figures.py", "progress.py", "table.py", "tables.py")
+PRESENTATION = ("__main__.py", "figure.py", "figures.py", "progress.py", "table.py", "tables.py")
 """Files of these packages that only show results."""
 LIBRARIES = ("newton", "warp-lang", "mujoco", "mujoco-warp", "rsl-rl-lib", "torch", "numpy", "scipy", "clarabel")
 """Libraries whose version decides a result."""

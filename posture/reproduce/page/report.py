@@ -38,8 +38,9 @@ def write_report(
         write_csv(results, out / "tables" / f"{name}.csv")
     write_rows([asdict(claim) for claim in claims], out / "tables" / "verdicts.csv")
     figures = draw_report(reproduction, paper, report, out / "figures")
-    if reproduction.many_bodies:
-        figures["many_bodies"] = Path(shutil.copy(reproduction.many_bodies.figure, out / "figures" / "many_bodies.png"))
+    for name, made in (("many_bodies", reproduction.many_bodies), ("dynamics", reproduction.dynamics)):
+        if made:
+            figures[name] = Path(shutil.copy(made.figure, out / "figures" / f"{name}.png"))
     sections = _sections(reproduction, paper, report, claims, figures, commands)
     count = Counter(claim.verdict for claim in claims)
     outcomes = ", ".join(f"{count[outcome]} {outcome}" for outcome in Outcome if count[outcome])
@@ -93,6 +94,7 @@ def _sections(
     if load_trained:
         exp_4b.append(tables.load_table(load_trained, paper.experiment_4b, "policies trained with loads"))
     in_all = [tables.agreement_table(many_bodies), tables.many_switches_table(many_bodies)] if many_bodies else []
+    of_people = [tables.dynamics_table(reproduction.dynamics)] if reproduction.dynamics else []
     in_engines = [tables.engine_table(engines)] if engines else []
     sections = [
         Section("In short", "short", [*shown("overview"), findings(reproduction, claims, paper)]),
@@ -111,6 +113,7 @@ def _sections(
         Section("Exp. 4b: load", "load", [*exp_4b, *shown("figure_11", "figure_12")]),
         Section("Frequency and hip stiffness", "map", shown("figure_13")),
         Section("One policy for many bodies", "bodies", [*in_all, *shown("many_bodies")]),
+        Section("Senses and muscles of people", "human", [*of_people, *shown("dynamics")]),
         Section("Amplitude", "amplitude", shown("amplitude")),
         Section("Other physics engines", "engines", [*in_engines, *shown("engines")]),
         Section("Claim by claim", "rules", [_in_full(claim) for claim in claims]),

@@ -36,11 +36,24 @@ from posture.reproduce.quantities import (
     Getter,
     Variable,
 )
-from posture.reproduce.reproduction import Body, ManyBodies, Recipe, last_anti_phase
+from posture.reproduce.reproduction import Body, Dynamics, ManyBodies, Recipe, last_anti_phase
 
 Results = Sequence[Result]
 ENGINES = {"sagittal": "planar", "mujoco": "SolverMuJoCo", "mujoco_c": "MuJoCo C"}
 """Names of the engines in the report; the first is the one that policies are trained in."""
+
+
+FINDINGS = {
+    "hysteresis_platform": "width of the hysteresis, steps as on a platform [Hz]",
+    "hysteresis_head_tracking": "the same, steps as in head tracking [Hz]",
+    "hysteresis_ramp": "the same, slow ramp [Hz]",
+    "fluctuation": "SD of the relative phase, near the switch over elsewhere",
+    "slow_mode": "relative phase below the switch [deg]",
+    "fast_mode": "relative phase above the switch [deg]",
+    "phase_relaxation": "relaxation time of the relative phase, near the switch over elsewhere",
+    "angle_relaxation": "the same of the joint angles",
+}
+"""Names of the findings of `posture.dynamics` in the report."""
 
 
 def verdict_table(verdicts: Sequence[Verdict]) -> Table:
@@ -183,6 +196,18 @@ def many_switches_table(many_bodies: ManyBodies) -> Table:
         rows.append([value, *cells, *_cells(first, {"least_hz": ".3f", "reward_hz": ".3f"})])
     headings = ["hip stiffness [Nm/rad]", *(f"seed {seed}" for seed in seeds), "least torque", "trained reward"]
     return Table(headings, rows, "One policy for many bodies: where its modes switch [Hz], and those of the theory")
+
+
+def dynamics_table(dynamics: Dynamics) -> Table:
+    """Hysteresis, fluctuations and recovery of policies with senses and muscles of people, beside reports of people."""
+    rows = []
+    for row in dynamics.findings:
+        value, low, high = _cells(row, dict.fromkeys(("value", "low", "high"), ".3g"))
+        name = FINDINGS.get(row["name"], row["name"].replace("_", " "))
+        rows.append([name, value, f"{low} to {high}", row["found"], row["people"] or "-"])
+    headings = ["", "value", "95 % interval", "meaning", "people, by the abstracts"]
+    seeds = plural(max((int(row["seeds"]) for row in dynamics.findings), default=0), "seed")
+    return Table(headings, rows, f"Policies with senses and muscles of people, {seeds}", "lrrll")
 
 
 def _cells(row: Mapping[str, str], columns: Mapping[str, str]) -> list[str]:

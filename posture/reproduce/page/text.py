@@ -115,6 +115,11 @@ FIGURES: dict[str, tuple[str, str]] = {
         "frequencies at which it changes sign, here and in theory. Below: cost over least cost, which is computed without "
         "the approximation of small angles.",
     ),
+    "dynamics": (
+        "Correlation in staircases up and down, relative phase, its standard deviation and its relaxation time",
+        "Policies with late and noisy senses and slow muscles: correlation while the frequency rises and falls in steps; "
+        "relative phase, its standard deviation and its relaxation time after a push, against frequency.",
+    ),
     "amplitude": (
         "Hip-ankle correlation against frequency at several amplitudes of the target",
         "Amplitude of the target (in the paper's text only), with policies that were trained on a range of amplitudes.",

@@ -111,7 +111,7 @@ def paper_results(seeds: int = 3) -> dict[str, list[Result]]:
         ramp = RampTransitions(0.67 + 0.01 * seed, 1, 0.76 + 0.01 * seed, 1)
         for name in ("ramp", "ramp_as_published", "ramp_as_run"):
             found[name].append(result(0.1, seed, freq_hz=math.nan, ramp=ramp))
-        for name in ("map", "as_published", "as_run"):
+        for name in ("map", "human", "as_published", "as_run"):
             found[name] += [frequency_result(hz, seed) for hz in FREQS]
         for name in ("load", "load_trained", "load_as_published", "load_as_run"):
             found[name] += [result(0.9 - 0.4 * kg, seed, load_kg=kg) for kg in np.arange(0, 4.5, 0.5)]

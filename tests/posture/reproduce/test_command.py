@@ -36,7 +36,7 @@ def reproduced(tmp_path_factory):
 @pytest.mark.slow
 def test_every_condition_is_trained_once(reproduced):
     counts = {name: len(run_dir.runs_in(reproduced / "runs" / name)) for name in TRAININGS}
-    assert counts == {"frequency": 1, "energy": 9, "hip_stiffness": 8, "map": 1, "as_published": 0, "as_run": 0}
+    assert counts == {"frequency": 1, "energy": 9, "hip_stiffness": 8, "map": 1, "human": 1, "as_published": 0, "as_run": 0}
 
 
 @pytest.mark.slow
@@ -66,7 +66,7 @@ def test_a_second_start_repeats_nothing(reproduced, monkeypatch, capfd):
     before = {path: path.stat().st_mtime_ns for path in Path("runs").rglob("*.npz")}
     assert before
     call(monkeypatch, "reproduce", *QUICK, "stages=[train,evaluate]")
-    assert "sweep: 19 of 19 jobs done, 19 of them before" in capfd.readouterr().out
+    assert "sweep: 20 of 20 jobs done, 20 of them before" in capfd.readouterr().out
     assert {path: path.stat().st_mtime_ns for path in Path("runs").rglob("*.npz")} == before
 
 
@@ -103,7 +103,10 @@ def test_shipped_policies_are_small_and_can_be_evaluated(reproduced, monkeypatch
         ("report.grid.amplitudes_m=[0.1,0.06]", "amplitudes_m must rise"),
         ("overrides=['env.hip_k=-5']", "env.hip_k = -5"),
         ("stages=[report]", "no policy of frequency is done"),
-        ("stages=[evaluate]", "no policy of frequency, energy, hip_stiffness, map is done: run the stage train first"),
+        (
+            "stages=[evaluate]",
+            "no policy of frequency, energy, hip_stiffness, map, human is done: run the stage train first",
+        ),
         ("stages=[ship]", "no policy of frequency is done"),
         ("experiments=[load]", "experiments"),
         *(

@@ -51,6 +51,7 @@ def make_plan() -> command.Plan:
         "energy": vary("energy", "energy_weight", PAPER.table_4.gamma),
         "hip_stiffness": vary("hip_stiffness", "hip_k", PAPER.experiment_3.hip_k_nm_per_rad),
         "map": vary("map", "hip_k", [125.0]),
+        "human": vary("human", "hip_k", [125.0]),
         "as_published": vary("as_published", "hip_k", [125.0]),
         "as_run": vary("as_run", "hip_k", [125.0]),
     }
@@ -150,6 +151,17 @@ def write_map(folder: Path, policies: Sequence[Job]) -> None:
     yaml_files.write_yaml(folder / "map.yaml", {"policies": record} | digests)
 
 
+def write_dynamics(folder: Path, policies: Sequence[Job]) -> None:
+    """What `posture.dynamics` leaves of two seeds: one finding."""
+    folder.mkdir(parents=True)
+    found = {"name": "hysteresis_ramp", "seeds": 2, "value": 0.0123, "low": -0.004, "high": 0.028}
+    write_rows([found | {"found": "no hysteresis", "people": ""}], folder / "findings.csv")
+    Image.new("RGB", (8, 8)).save(folder / "dynamics.png")
+    record = [trial.policy_record(model_of(job), job.config) for job in policies]
+    digests = provenance.digests(folder, ["findings.csv", "dynamics.png"])
+    yaml_files.write_yaml(folder / "dynamics.yaml", {"policies": record} | digests)
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[command.Plan, ReproduceConfig]]:
     """The folders of all experiments, and the report on them."""
@@ -166,6 +178,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[command.Pla
         plan = make_plan()
         write_all(plan)
         write_map(Path("report/map"), plan.wanted["map"])
+        write_dynamics(Path("report/dynamics"), plan.wanted["human"])
         command.report(plan, job.config, Path("report"))
         yield plan, job.config
 
@@ -188,8 +201,8 @@ def test_the_page_is_whole(made: object) -> None:
     read = Reader(text)
     anchors = [section["id"] for section in read.all("section")]
     links = {str(a["href"]).removeprefix("#") for a in read.all("a") if str(a["href"]).startswith("#")}
-    assert len(anchors) == len(set(anchors)) == 16 and links == set(anchors)
-    assert len(read.all("img")) == 17 and all(image["alt"] for image in read.all("img"))
+    assert len(anchors) == len(set(anchors)) == 17 and links == set(anchors)
+    assert len(read.all("img")) == 18 and all(image["alt"] for image in read.all("img"))
     assert [span["class"] for span in read.all("span") if "class" in span] == ["verdict reproduced"] * 19
     assert "19 claims: 19 reproduced." in read.text and "2 seeds; no falls" in read.text
     for table in re.findall(r"<table.*?</table>", text, re.S):
@@ -206,6 +219,7 @@ def test_the_page_is_whole(made: object) -> None:
     assert "| hip-ankle r with hips of 100 Nm/rad at 0.5 Hz | negative | - | 0.25 |" in summary
     assert "| energy | 18 of 27 | 1, 2 | 1.8 |" in summary  # nine weights, 360 s each
     assert "| random | 2 | 4 | 0 | 1.04 | 1.18 | 96% | 1.03 | 1.10 | 100% | - |" in summary
+    assert "| the same, slow ramp [Hz] | 0.0123 | -0.004 to 0.028 | no hysteresis | - |" in summary
     assert "| 125 | 0.600 | 0.700 | 0.650 | 0.680 |" in summary and "policies trained with loads, 2 seeds" in summary
 
 
