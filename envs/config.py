@@ -348,6 +348,11 @@ class EnvConfig(Strict):
     def _check_sensing(self) -> None:
         """Raise ValueError where `sensing` names what is not observed."""
         sensing = self.sensing
+        if sensing.delay > 0 and not sensing.delay_steps(self.control_dt):
+            raise ValueError(
+                f"sensing.delay: {sensing.delay:g} s is less than half a control step of {self.control_dt:g} s; it counts "
+                "in whole steps"
+            )
         check_once(sensing.exact, "sensing.exact")
         for group in sensing.exact:
             if group not in self.observations:

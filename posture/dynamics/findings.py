@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posture.analysis.coordination import circular_mean_sd, sign_change_frequency
-from posture.analysis.statistics import bootstrap_mean, mean_interval
+from posture.analysis.statistics import mean_interval
 from posture.dynamics.measures import FluctuationRow, RelaxationRow, SwitchRow
 
 LITERATURE = {
@@ -119,9 +119,7 @@ def _mode(name: str, rows: Sequence[FluctuationRow], where: dict[int, float], ne
 
 
 def _interval(seeds: Sequence[Sequence[float]]) -> tuple[float, float, float]:
-    """Mean over the seeds of the mean of each, and its 95 % interval: Student's over several seeds, else a bootstrap."""
+    """Mean over the seeds of the mean of each, and its 95 % interval by Student's t; over the values of a single seed."""
     known = [[value for value in values if math.isfinite(value)] for values in seeds]
     means = [float(np.mean(values)) for values in known if values]
-    if len(means) < 2:
-        return bootstrap_mean(known[0]) if len(known) == 1 else (means[0] if means else math.nan, math.nan, math.nan)
-    return mean_interval(means)
+    return mean_interval(means if len(means) != 1 else next(values for values in known if values))

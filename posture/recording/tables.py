@@ -19,12 +19,10 @@ def recording_columns(trials: Sequence[Trial]) -> list[Column[Trial]]:
         columns.append(Column("subject", lambda one: one.subject))
     if len(ramps) < len(trials):
         columns += [Column("f [Hz]", lambda one: one.indices.freq_hz, ".3f"), Column("from", lambda one: one.freq_from)]
-    columns += [
-        Column("mode", lambda one: one.indices.mode),
-        Column("hip-ankle r", lambda one: one.indices.hip_ankle_r, ".3f"),
-    ]
     if len(ramps) < len(trials):
         columns += [
+            Column("mode", lambda one: one.indices.mode),
+            Column("hip-ankle r", lambda one: one.indices.hip_ankle_r, ".3f"),
             Column("cycles' r 95%", _interval("hip_ankle_r", ".2f")),
             Column("cycles", lambda one: one.indices.cycles, ".0f"),
             Column("phase [deg]", lambda one: one.indices.phase_mean_deg, ".0f"),
@@ -98,10 +96,21 @@ def notes(trials: Sequence[Trial], config: AnalyseConfig) -> list[str]:
     lines = []
     for trial in trials:
         one, name = trial.indices, trial.path.name
-        if trial.explained < SHARE_OF_A_SINUSOID:
+        if trial.explained < SHARE_OF_A_SINUSOID and trial.freq_from == "freq":
+            lines.append(
+                f"{name}: a sinusoid of freq={one.freq_hz:.3g} Hz explains {100 * trial.explained:.0f} % of the variance of "
+                "the target, or of what else was recorded"
+            )
+        elif trial.explained < SHARE_OF_A_SINUSOID:
             lines.append(
                 f"{name}: a sinusoid of {one.freq_hz:.3g} Hz explains {100 * trial.explained:.0f} % of the variance of the "
                 f"{trial.freq_from}; freq= gives the frequency, ramp=estimate is for one that changes"
+            )
+        whole, cycle = one.hip_ankle_r, trial.cycles.intervals().get("hip_ankle_r")
+        if cycle is not None and whole * cycle.mean < 0 and not cycle.low <= 0 <= cycle.high:
+            lines.append(
+                f"{name}: r, whose sign is the mode, is {whole:.2f} over the whole trial, but {cycle.mean:.2f} in its "
+                "cycles, as where angles drift; detrend=true or high_pass= takes drift away"
             )
         if one.cycles_left_out:
             lines.append(f"{name}: {one.cycles_left_out} of {one.cycles + one.cycles_left_out} cycles left out for gaps")
