@@ -348,11 +348,6 @@ class EnvConfig(Strict):
     def _check_sensing(self) -> None:
         """Raise ValueError where `sensing` names what is not observed."""
         sensing = self.sensing
-        if sensing.delay > 0 and not sensing.delay_steps(self.control_dt):
-            raise ValueError(
-                f"sensing.delay: {sensing.delay:g} s is less than half a control step of {self.control_dt:g} s; it counts "
-                "in whole steps"
-            )
         check_once(sensing.exact, "sensing.exact")
         for group in sensing.exact:
             if group not in self.observations:
@@ -380,6 +375,12 @@ class EnvConfig(Strict):
     def _sensed(self) -> set[str]:
         """The observation terms that are not exact everywhere."""
         return {term for group, terms in self.observations.items() if group not in self.sensing.exact for term in terms}
+
+    @property
+    def is_noisy(self) -> bool:
+        """Whether two trials of one policy under the same conditions differ: for the noise of senses or muscles."""
+        noises = self.sensing.noise.values()
+        return self.actuation.noise > 0 or any(any(one.of_values("white", 1) + one.of_values("drift", 1)) for one in noises)
 
     @property
     def observed(self) -> dict[str, list[Component]]:

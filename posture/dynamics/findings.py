@@ -26,6 +26,7 @@ LITERATURE = {
 
 NEGLIGIBLE_HZ = 0.01
 """Where all of the interval is smaller, there is none that counts [Hz]; the steps of a staircase are 0.05 Hz or more."""
+"""Where the relative phase varies less than this at every frequency, it is not said to fluctuate [deg]."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +103,8 @@ def _peak(name: str, points: Sequence[tuple[int, float, float]], where: dict[int
     meaning = "-" if math.isnan(value) else "larger near the switch" if value > 1 else "not larger near the switch"
     if value > 1 and not low > 1:
         meaning += ", not certainly so"
+    if name == "fluctuation" and not any(value >= NEGLIGIBLE_DEG for _, _, value in points):
+        meaning = f"below {NEGLIGIBLE_DEG:g} deg at every frequency"
     return Finding(name, len(where), value, low, high, meaning, LITERATURE[name])
 
 

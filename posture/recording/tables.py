@@ -23,12 +23,12 @@ def recording_columns(trials: Sequence[Trial]) -> list[Column[Trial]]:
         columns += [
             Column("mode", lambda one: one.indices.mode),
             Column("hip-ankle r", lambda one: one.indices.hip_ankle_r, ".3f"),
-            Column("cycles' r 95%", _interval("hip_ankle_r", ".2f")),
+            Column("cycles' r 95%", _interval("hip_ankle_r", "z.2f")),
             Column("cycles", lambda one: one.indices.cycles, ".0f"),
-            Column("phase [deg]", lambda one: one.indices.phase_mean_deg, ".0f"),
-            Column("95% [deg]", lambda one: _ends(one.indices.phase_low_deg, one.indices.phase_high_deg, ".0f")),
-            Column("sd [deg]", lambda one: one.indices.phase_sd_deg, ".0f"),
-            Column("Hilbert [deg]", lambda one: one.indices.hilbert_mean_deg, ".0f"),
+            Column("phase [deg]", lambda one: one.indices.phase_mean_deg, "z.0f"),
+            Column("95% [deg]", lambda one: _ends(one.indices.phase_low_deg, one.indices.phase_high_deg, "z.0f")),
+            Column("sd [deg]", lambda one: one.indices.phase_sd_deg, "z.0f"),
+            Column("Hilbert [deg]", lambda one: one.indices.hilbert_mean_deg, "z.0f"),
         ]
     if ramps:
         columns += [
@@ -46,7 +46,7 @@ def recording_columns(trials: Sequence[Trial]) -> list[Column[Trial]]:
     if any(trial.least is not NO_MOTION for trial in trials):
         columns += [
             Column("least's r", lambda one: one.least.hip_ankle_r, ".3f"),
-            Column("least's phase [deg]", lambda one: one.least.phase_mean_deg, ".0f"),
+            Column("least's phase [deg]", lambda one: one.least.phase_mean_deg, "z.0f"),
         ]
     return columns
 
@@ -73,15 +73,15 @@ def group_columns(rows: Sequence[GroupRow]) -> list[Column[GroupRow]]:
     ]
     if any(not math.isnan(row.freq_hz) for row in rows):
         columns += [
-            Column("phase [deg]", lambda row: row.phase_mean_deg, ".0f"),
-            Column("95% [deg]", lambda row: _ends(row.phase_low_deg, row.phase_high_deg, ".0f")),
-            Column("sd [deg]", lambda row: row.phase_sd_deg, ".0f"),
+            Column("phase [deg]", lambda row: row.phase_mean_deg, "z.0f"),
+            Column("95% [deg]", lambda row: _ends(row.phase_low_deg, row.phase_high_deg, "z.0f")),
+            Column("sd [deg]", lambda row: row.phase_sd_deg, "z.0f"),
             Column("R", lambda row: row.phase_resultant, ".3f"),
             Column("Rayleigh p", lambda row: row.rayleigh_p, ".2g"),
         ]
     columns += [
         Column("hip-ankle r", lambda row: row.r_mean, ".3f"),
-        Column("r 95%", lambda row: _ends(row.r_low, row.r_high, ".2f")),
+        Column("r 95%", lambda row: _ends(row.r_low, row.r_high, "z.2f")),
     ]
     if any(math.isnan(row.freq_hz) for row in rows):
         columns += [

@@ -31,7 +31,7 @@ def _elsewhere(tmp_path, monkeypatch):
         ("+env.frequency=1", "env.frequency: no such key"),
         ("env.ramp.start=0.1", "env.ramp has none; give all of it, as in 'env.ramp={start: .., rate: .., duration: ..}'"),
         ("env.sensing.noise.head=0.1", "env.sensing.noise.head: no such key; +env.sensing.noise.head=.. adds it"),
-        ("env.sensing.delay=0.008", "env.sensing.delay: 0.008 s is less than half a control step of 0.0166 s"),
+        ("env.sensing.delay=0.008", "env.sensing.delay: has no effect below half a control step of 0.0166 s"),
         ("env.reward=[1]", "env.reward: it has keys of its own, which are given one by one, as in env.reward.<key>=.."),
         ("resume.run=1", "resume.run: no such key, since resume has none"),
         ("env.freq=[", "no viable alternative"),

@@ -213,6 +213,12 @@ def test_fluctuations_and_relaxation_near_the_switch_over_those_elsewhere():
     assert (one.value, one.found) == (pytest.approx(1.0), "not larger near the switch")
 
 
+def test_a_relative_phase_that_hardly_varies_does_not_fluctuate():
+    rows = [row for seed in (1, 2, 3) for row in fluctuation(seed, 0.65, lambda away: 0.6 if away <= 0.1 else 0.2)]
+    one = named(findings([], rows, [], 0.1))["fluctuation"]
+    assert one.value == pytest.approx(3.0) and one.found == "below 1 deg at every frequency"
+
+
 def test_modes_are_circular_means_below_and_above_the_switch():
     """Over 170, -170 and 180 deg the mean is 180 deg, and their interval is about it."""
     rows = [
