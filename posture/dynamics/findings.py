@@ -26,6 +26,7 @@ LITERATURE = {
 
 NEGLIGIBLE_HZ = 0.01
 """Where all of the interval is smaller, there is none that counts [Hz]; the steps of a staircase are 0.05 Hz or more."""
+NEGLIGIBLE_DEG = 1.0
 """Where the relative phase varies less than this at every frequency, it is not said to fluctuate [deg]."""
 
 

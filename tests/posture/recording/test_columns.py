@@ -71,7 +71,7 @@ def test_positions_in_their_units_and_directions(tmp_path):
 
 
 def test_a_unit_behind_the_name_of_a_column(tmp_path):
-    rows = ["time,hip_flexion_r,ankle_angle_r_deg,head_x,target_x", "0,0.1,6,0,20", "1,0.2,6,-0.02,50"]
+    rows = ["time,hip_flexion_r,ankle_angle_r_deg,head_x,target_x", "0,0.1,6,0,20", "0.1,0.2,6,-0.02,50"]
     keys = ("columns.hip='hip_flexion_r [rad]'", "columns.target='target_x (mm)'", "length_unit=m", "signs=posture")
     found = read(tmp_path, rows, *keys)
     np.testing.assert_allclose(found.hip, [0.1, 0.2])
