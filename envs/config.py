@@ -377,6 +377,12 @@ class EnvConfig(Strict):
         return {term for group, terms in self.observations.items() if group not in self.sensing.exact for term in terms}
 
     @property
+    def is_noisy(self) -> bool:
+        """Whether two trials of one policy under the same conditions differ: for the noise of senses or muscles."""
+        noises = self.sensing.noise.values()
+        return self.actuation.noise > 0 or any(any(one.of_values("white", 1) + one.of_values("drift", 1)) for one in noises)
+
+    @property
     def observed(self) -> dict[str, list[Component]]:
         """Name and unit of each value of each group of observations, those of earlier moments included."""
         result = {}

@@ -18,7 +18,7 @@ from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException, OverrideParseException
 from hydra.types import RunMode
 from omegaconf import DictConfig
-from omegaconf.errors import ConfigAttributeError, ConfigKeyError, OmegaConfBaseException
+from omegaconf.errors import ConfigAttributeError, ConfigKeyError, ConfigTypeError, OmegaConfBaseException
 from pydantic import BaseModel
 
 from envs.config import ConstraintOverflowError, Ramp
@@ -110,18 +110,27 @@ def refuse(key: str, why: str) -> None:
         raise ConfigError(f"{key}: has no effect {why}")
 
 
+OPEN = ("sensing.noise", "staircase.courses")
+"""Keys whose own keys the user chooses."""
+
+
 def one_line(error: Exception) -> str:
     """An error's message without line breaks and without the details that Hydra and OmegaConf add for developers."""
     cause = error.__cause__
     if isinstance(cause, (ConfigAttributeError, ConfigKeyError)) and cause.parent_node is not None:
+        parent = str(cause.full_key).rpartition(".")[0]
+        if parent.endswith(OPEN):
+            there = f"there are {', '.join(map(str, cause.parent_node))}; " if cause.parent_node else ""
+            return f"{cause.full_key}: no such key; {there}+{cause.full_key}=.. adds it"
         if not cause.parent_node:  # null, a number or a list
-            parent = str(cause.full_key).rpartition(".")[0]
             if parent.endswith("env.body"):
                 return f"{cause.full_key}: no such key, since the body is the paper's; add env/body=anthropometric"
             record = "{" + ", ".join(f"{key}: .." for key in Ramp.model_fields) + "}"
             value = f"all of it, as in '{parent}={record}'" if parent.endswith(".ramp") else f"a value, as in {parent}=.."
             return f"{cause.full_key}: no such key, since {parent} has none; give {value}"
         return f"{cause.full_key}: no such key; allowed there are {', '.join(map(str, cause.parent_node))}"
+    if isinstance(cause, ConfigTypeError) and cause.full_key:
+        return f"{cause.full_key}: it has keys of its own, which are given one by one, as in {cause.full_key}.<key>=.."
     if isinstance(error, OSError) and error.filename is not None:
         return f"{error.filename}: {error.strerror}"
     text = re.sub(

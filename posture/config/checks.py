@@ -28,6 +28,11 @@ PathText = Annotated[str, AfterValidator(_valid_path)]
 """A path that a file system allows, whether or not it exists."""
 
 
+def listed(value: object) -> object:
+    """One name as a list of one."""
+    return (value,) if isinstance(value, str) else value
+
+
 class Output(Strict):
     """The key of every command for the folder of its results."""
 

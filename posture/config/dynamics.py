@@ -2,10 +2,10 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from envs.config import Freq, Seconds, Strict, check_followed, check_once
-from posture.config.checks import CommandConfig, PathText
+from posture.config.checks import CommandConfig, PathText, listed
 from posture.config.eval import MAX_SAMPLES, MAX_STEPS, EvaluationConfig
 from posture.config.map import Frequencies
 
@@ -90,7 +90,7 @@ class DynamicsConfig(CommandConfig):
     ckpt: PathText | Annotated[tuple[PathText, ...], Field(min_length=1)]
     device: str
     again: bool
-    what: Annotated[tuple[Experiment, ...], Field(min_length=1)]
+    what: Annotated[tuple[Experiment, ...], BeforeValidator(listed), Field(min_length=1)]
     evaluation: EvaluationConfig
     repeats: Annotated[int, Field(ge=1, le=1000)]
     near: Annotated[float, Field(gt=0, le=1)]

@@ -51,20 +51,23 @@ def examine(config: DynamicsConfig, folder: Path) -> None:
     fluctuation: list[measures.FluctuationRow] = []
     relaxation: list[measures.RelaxationRow] = []
     for model, run in zip(models, runs, strict=True):
-        print(f"== seed {run.seed}: {', '.join(config.what)}", flush=True)
+        asked, note = config, ""
+        if not run.env.is_noisy and config.repeats > 1:
+            asked, note = config.model_copy(update={"repeats": 1}), "; without noise all repeats are the same: one is made"
+        print(f"== seed {run.seed}: {', '.join(config.what)}{note}", flush=True)
         dt = run.env.control_dt
         if "staircase" in config.what:
-            for course, freq in config.staircase.courses.items():
-                stairs = courses.staircase(freq, config.staircase, dt)
-                trajectory = trials.following(model, run, courses.frequency_of(stairs), config)
-                steps += measures.steps_of(trajectory, stairs, course, run.seed, config)
+            for course, freq in asked.staircase.courses.items():
+                stairs = courses.staircase(freq, asked.staircase, dt)
+                trajectory = trials.following(model, run, courses.frequency_of(stairs), asked)
+                steps += measures.steps_of(trajectory, stairs, course, run.seed, asked)
         if "ramp" in config.what:
-            ramp = courses.up_and_down(config.ramp, dt)
-            ramps += measures.switches_of_ramp(trials.following(model, run, ramp, config), ramp, run.seed, config)
+            ramp = courses.up_and_down(asked.ramp, dt)
+            ramps += measures.switches_of_ramp(trials.following(model, run, ramp, asked), ramp, run.seed, asked)
         if "fluctuation" in config.what:
-            fluctuation += measures.fluctuations_of(trials.constant(model, run, config), run.seed, config)
+            fluctuation += measures.fluctuations_of(trials.constant(model, run, asked), run.seed, asked)
         if "perturbation" in config.what:
-            relaxation += measures.relaxations_of(*trials.pushed_and_twin(model, run, config), run.seed, config)
+            relaxation += measures.relaxations_of(*trials.pushed_and_twin(model, run, asked), run.seed, asked)
     switches = measures.switches_of_steps(steps) + ramps
     found = findings(switches, fluctuation, relaxation, config.near)
     (folder / "dynamics.yaml").unlink(missing_ok=True)  # it describes an earlier start

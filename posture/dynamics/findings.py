@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from posture.analysis.coordination import circular_mean_sd, sign_change_frequency
-from posture.analysis.statistics import bootstrap_mean, mean_interval
+from posture.analysis.statistics import mean_interval
 from posture.dynamics.measures import FluctuationRow, RelaxationRow, SwitchRow
 
 LITERATURE = {
@@ -26,6 +26,8 @@ LITERATURE = {
 
 NEGLIGIBLE_HZ = 0.01
 """Where all of the interval is smaller, there is none that counts [Hz]; the steps of a staircase are 0.05 Hz or more."""
+NEGLIGIBLE_DEG = 1.0
+"""Where the relative phase varies less than this at every frequency, it is not said to fluctuate [deg]."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,8 @@ def _peak(name: str, points: Sequence[tuple[int, float, float]], where: dict[int
     meaning = "-" if math.isnan(value) else "larger near the switch" if value > 1 else "not larger near the switch"
     if value > 1 and not low > 1:
         meaning += ", not certainly so"
+    if name == "fluctuation" and not any(value >= NEGLIGIBLE_DEG for _, _, value in points):
+        meaning = f"below {NEGLIGIBLE_DEG:g} deg at every frequency"
     return Finding(name, len(where), value, low, high, meaning, LITERATURE[name])
 
 
@@ -119,9 +123,7 @@ def _mode(name: str, rows: Sequence[FluctuationRow], where: dict[int, float], ne
 
 
 def _interval(seeds: Sequence[Sequence[float]]) -> tuple[float, float, float]:
-    """Mean over the seeds of the mean of each, and its 95 % interval: Student's over several seeds, else a bootstrap."""
+    """Mean over the seeds of the mean of each, and its 95 % interval by Student's t; over the values of a single seed."""
     known = [[value for value in values if math.isfinite(value)] for values in seeds]
     means = [float(np.mean(values)) for values in known if values]
-    if len(means) < 2:
-        return bootstrap_mean(known[0]) if len(known) == 1 else (means[0] if means else math.nan, math.nan, math.nan)
-    return mean_interval(means)
+    return mean_interval(means if len(means) != 1 else next(values for values in known if values))

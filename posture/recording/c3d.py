@@ -1,5 +1,5 @@
 """C3D files of motion capture systems, read by ezc3d: of each point the columns LABEL.x, LABEL.y and LABEL.z, and one for
-each analogue channel, its mean over the samples of a frame. Samples are named by the numbers of their frames, from 1."""
+each analogue channel, its mean about the time of each frame. Samples are named by the numbers of their frames, from 1."""
 
 from __future__ import annotations
 
@@ -55,13 +55,15 @@ def read_c3d(path: Path) -> Table:
         raise refuse(path, f"was cut short: it has {frames} of its {last - first + 1} frames")
     length, angle = (unit_of("".join(_texts(parameters["POINT"], name)[:1])) for name in ("UNITS", "ANGLE_UNITS"))
     labels, channels = labels[: points.shape[1]], channels[: analogs.shape[1]]
+    # POINT:UNITS says nothing of a channel, whose unit is mostly volts.
+    texts = [*_texts(parameters.get("ANALOG", {}), "UNITS"), *len(channels) * [""]][: len(channels)]
+    of_channels = [unit_of(text) or text or "an unknown unit" for text in texts]
 
     def column(place: int) -> Array:
         point, axis = divmod(place, len(_AXES))
         if point < len(labels):
             return np.where(missing[point], np.nan, points[axis, point])
-        channel = analogs[0, place - len(_AXES) * len(labels)]
-        return np.asarray(channel.reshape(frames, -1).mean(axis=1))
+        return at_frames(analogs[0, place - len(_AXES) * len(labels)], frames)
 
     def values(places: Sequence[int]) -> Array:
         return np.stack([column(place) for place in places], axis=1)
@@ -70,13 +72,22 @@ def read_c3d(path: Path) -> Table:
     return Table(
         path,
         names,
-        len(names) * [""],
+        len(_AXES) * len(labels) * [""] + of_channels,
         {kind: unit for kind, unit in (("length", length), ("angle", angle)) if unit},
         rate,
         np.arange(1, frames + 1),
         values,
         row_word="frame",
     )
+
+
+def at_frames(channel: Array, frames: int) -> Array:
+    """An analogue channel (frames x k,) at each frame, (frames,): its mean over the duration of a frame about the first of
+    the frame's k samples, which is as old as its points; beyond its ends it is mirrored at their values."""
+    k = len(channel) // frames
+    weights = np.ones(2 * (k // 2) + 1)
+    weights[[0, -1]] = 1.0 if k % 2 else 0.5
+    return np.convolve(np.pad(channel, k // 2, "reflect", reflect_type="odd"), weights / k, "valid")[::k]
 
 
 def _texts(group: Any, name: str) -> list[str]:

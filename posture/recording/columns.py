@@ -59,6 +59,8 @@ SLOW = 0.5
 """No recording of a stander has samples this far apart [s]; times that are have another unit, or are numbers of frames."""
 LARGEST = {"angle": 10.0, "length": 5.0}
 """What no recording of a stander reaches: an angle [rad], or the distance of a position from its median [m]."""
+JUMP = math.pi
+"""What no joint turns from one sample to the next [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +166,8 @@ def _place(table: Table, wanted: str, name: str) -> int:
             raise refuse(table.path, f"{len(match)} columns are called {wanted}, which columns.{name} names")
         if match:
             return match[0]
-    raise refuse(table.path, f"no column {wanted}, which columns.{name} names; there are {_some(table.names)}")
+    there = sorted(table.names, key=lambda one: own.lower() not in one.lower())  # similar names first
+    raise refuse(table.path, f"no column {wanted}, which columns.{name} names; there are {_some(there)}")
 
 
 def _known(table: Table, names: Sequence[str] | Mapping[str, str], what: str, key: str) -> list[int]:
@@ -187,8 +190,15 @@ def known_name(name: str) -> str:
 
 def _in_si(table: Table, signal: Array, place: int, kind: str, name: str, config: AnalyseConfig) -> Array:
     """A column in rad or m. Raises ConfigError where its unit is not known, or cannot be right."""
-    asked = config.angle_unit if kind == "angle" else config.length_unit
-    unit = asked or (table.units[place] if table.units[place] in _FACTOR[kind] else table.units_of.get(kind))
+    asked = _typed_unit(table, place, name, config) or (config.angle_unit if kind == "angle" else config.length_unit)
+    unit = asked or table.units[place] or table.units_of.get(kind)
+    if unit is not None and unit not in _FACTOR[kind]:
+        example = f"columns.{name}='{table.names[place]} [{'m' if kind == 'length' else 'deg'}]'"
+        raise refuse(
+            table.path,
+            f"column {table.names[place]}, the {name}, is in {unit}; allowed are {', '.join(_FACTOR[kind])}; "
+            f'"{example}" sets the unit, and scale.{name}= the factor into it',
+        )
     if unit is None:
         allowed = " or ".join(f"{kind}_unit={one}" for one in _FACTOR[kind])
         raise refuse(table.path, f"nothing says the unit of column {table.names[place]}, the {name}; {allowed} does")
@@ -198,7 +208,21 @@ def _in_si(table: Table, signal: Array, place: int, kind: str, name: str, config
         sample = int(np.nanargmax(size))
         much = "is more than 10 rad" if kind == "angle" else "is more than 5 m from the median"
         raise ConfigError(f"{table.place(sample, place)}: {signal[sample]:g} {unit} {much}; {kind}_unit= sets another unit")
+    if kind == "angle" and len(jumps := np.flatnonzero(np.abs(np.diff(converted)) > JUMP)):
+        sample = int(jumps[0]) + 1
+        raise ConfigError(
+            f"{table.place(sample, place)}: jumps from {signal[sample - 1]:g} to {signal[sample]:g} {unit}; allowed are "
+            "angles that do not begin again after a full turn, and an empty cell or nan where a value is missing"
+        )
     return converted
+
+
+def _typed_unit(table: Table, place: int, name: str, config: AnalyseConfig) -> str:
+    """The unit that `columns` has behind the name of a column, "" without one."""
+    for one in getattr(config.columns, name, None) or ():
+        if (unit := name_and_unit(one)[1]) and _place(table, one, name) == place:
+            return unit
+    return ""
 
 
 def _median(signal: Array) -> float:

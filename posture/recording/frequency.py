@@ -36,21 +36,25 @@ def sinusoid_frequency(time: Array, signal: Array) -> tuple[float, float]:
         return math.nan, math.nan
     start = float(np.argmax(spectrum)) * rate / size
     t, y = _averaged(time, signal, max(1, int(rate / (SAMPLES_A_CYCLE * start))))
-    y = y - y.mean()
-    total = float(y @ y)
-
-    def residual(freq: float) -> float:
-        angle = 2 * math.pi * freq * t
-        basis = np.stack([np.ones_like(t), t - t[0], np.cos(angle), np.sin(angle)], axis=1)
-        fit = np.linalg.lstsq(basis, y, rcond=None)[0]
-        rest = y - basis @ fit
-        return float(rest @ rest)
-
     width = 0.6 * rate / len(time)
     found = minimize_scalar(
-        residual, bounds=(max(start - width, 0.2 * start), start + width), method="bounded", options={"xatol": 1e-9}
+        lambda freq: -share_of_sinusoid(t, y, freq),
+        bounds=(max(start - width, 0.2 * start), start + width),
+        method="bounded",
+        options={"xatol": 1e-9},
     )
-    return float(found.x), 1 - float(found.fun) / total if total > 0 else math.nan
+    return float(found.x), -float(found.fun)
+
+
+def share_of_sinusoid(time: Array, signal: Array, freq: float) -> float:
+    """Share of the variance of `signal` (T,) that a sinusoid of `freq` [Hz], with offset and straight line, explains,
+    0 .. 1; nan values are left out, nan where it is constant. `time` (T,) [s]."""
+    known = np.isfinite(signal)
+    t, y = time[known], signal[known] - signal[known].mean()
+    angle = 2 * math.pi * freq * t
+    basis = np.stack([np.ones_like(t), t - t[0], np.cos(angle), np.sin(angle)], axis=1)
+    rest = y - basis @ np.linalg.lstsq(basis, y, rcond=None)[0]
+    return 1 - float(rest @ rest) / float(y @ y) if y.any() else math.nan
 
 
 def _averaged(time: Array, signal: Array, count: int) -> tuple[Array, Array]:

@@ -33,10 +33,10 @@ class Table:
     """A file's columns.
 
     names: of all columns, in order. units: of each by its heading, "" where that has none; those of a rate of change are
-    the same as of the quantity. units_of: the unit of all angles and all lengths by the header of the file, as far as it
-    says. rate: sampling rate [Hz] where the file has one in place of a column of times, else None. rows: of each sample,
-    the number by which a message names it. values: the columns of some places as (T, len(places)), nan where a cell is
-    empty; raises ConfigError for a cell that is no number.
+    the same as of the quantity; of an analogue channel any text. units_of: the unit of all angles and all lengths by the
+    header of the file, as far as it says. rate: sampling rate [Hz] where the file has one in place of a column of times,
+    else None. rows: of each sample, the number by which a message names it. values: the columns of some places as
+    (T, len(places)), nan where a cell is empty; raises ConfigError for a cell that is no number.
     """
 
     path: Path

@@ -19,18 +19,16 @@ def recording_columns(trials: Sequence[Trial]) -> list[Column[Trial]]:
         columns.append(Column("subject", lambda one: one.subject))
     if len(ramps) < len(trials):
         columns += [Column("f [Hz]", lambda one: one.indices.freq_hz, ".3f"), Column("from", lambda one: one.freq_from)]
-    columns += [
-        Column("mode", lambda one: one.indices.mode),
-        Column("hip-ankle r", lambda one: one.indices.hip_ankle_r, ".3f"),
-    ]
     if len(ramps) < len(trials):
         columns += [
-            Column("cycles' r 95%", _interval("hip_ankle_r", ".2f")),
+            Column("mode", lambda one: one.indices.mode),
+            Column("hip-ankle r", lambda one: one.indices.hip_ankle_r, ".3f"),
+            Column("cycles' r 95%", _interval("hip_ankle_r", "z.2f")),
             Column("cycles", lambda one: one.indices.cycles, ".0f"),
-            Column("phase [deg]", lambda one: one.indices.phase_mean_deg, ".0f"),
-            Column("95% [deg]", lambda one: _ends(one.indices.phase_low_deg, one.indices.phase_high_deg, ".0f")),
-            Column("sd [deg]", lambda one: one.indices.phase_sd_deg, ".0f"),
-            Column("Hilbert [deg]", lambda one: one.indices.hilbert_mean_deg, ".0f"),
+            Column("phase [deg]", lambda one: one.indices.phase_mean_deg, "z.0f"),
+            Column("95% [deg]", lambda one: _ends(one.indices.phase_low_deg, one.indices.phase_high_deg, "z.0f")),
+            Column("sd [deg]", lambda one: one.indices.phase_sd_deg, "z.0f"),
+            Column("Hilbert [deg]", lambda one: one.indices.hilbert_mean_deg, "z.0f"),
         ]
     if ramps:
         columns += [
@@ -48,7 +46,7 @@ def recording_columns(trials: Sequence[Trial]) -> list[Column[Trial]]:
     if any(trial.least is not NO_MOTION for trial in trials):
         columns += [
             Column("least's r", lambda one: one.least.hip_ankle_r, ".3f"),
-            Column("least's phase [deg]", lambda one: one.least.phase_mean_deg, ".0f"),
+            Column("least's phase [deg]", lambda one: one.least.phase_mean_deg, "z.0f"),
         ]
     return columns
 
@@ -75,15 +73,15 @@ def group_columns(rows: Sequence[GroupRow]) -> list[Column[GroupRow]]:
     ]
     if any(not math.isnan(row.freq_hz) for row in rows):
         columns += [
-            Column("phase [deg]", lambda row: row.phase_mean_deg, ".0f"),
-            Column("95% [deg]", lambda row: _ends(row.phase_low_deg, row.phase_high_deg, ".0f")),
-            Column("sd [deg]", lambda row: row.phase_sd_deg, ".0f"),
+            Column("phase [deg]", lambda row: row.phase_mean_deg, "z.0f"),
+            Column("95% [deg]", lambda row: _ends(row.phase_low_deg, row.phase_high_deg, "z.0f")),
+            Column("sd [deg]", lambda row: row.phase_sd_deg, "z.0f"),
             Column("R", lambda row: row.phase_resultant, ".3f"),
             Column("Rayleigh p", lambda row: row.rayleigh_p, ".2g"),
         ]
     columns += [
         Column("hip-ankle r", lambda row: row.r_mean, ".3f"),
-        Column("r 95%", lambda row: _ends(row.r_low, row.r_high, ".2f")),
+        Column("r 95%", lambda row: _ends(row.r_low, row.r_high, "z.2f")),
     ]
     if any(math.isnan(row.freq_hz) for row in rows):
         columns += [
@@ -98,10 +96,21 @@ def notes(trials: Sequence[Trial], config: AnalyseConfig) -> list[str]:
     lines = []
     for trial in trials:
         one, name = trial.indices, trial.path.name
-        if trial.explained < SHARE_OF_A_SINUSOID:
+        if trial.explained < SHARE_OF_A_SINUSOID and trial.freq_from == "freq":
+            lines.append(
+                f"{name}: a sinusoid of freq={one.freq_hz:.3g} Hz explains {100 * trial.explained:.0f} % of the variance of "
+                "the target, or of what else was recorded"
+            )
+        elif trial.explained < SHARE_OF_A_SINUSOID:
             lines.append(
                 f"{name}: a sinusoid of {one.freq_hz:.3g} Hz explains {100 * trial.explained:.0f} % of the variance of the "
                 f"{trial.freq_from}; freq= gives the frequency, ramp=estimate is for one that changes"
+            )
+        whole, cycle = one.hip_ankle_r, trial.cycles.intervals().get("hip_ankle_r")
+        if cycle is not None and whole * cycle.mean < 0 and not cycle.low <= 0 <= cycle.high:
+            lines.append(
+                f"{name}: r, whose sign is the mode, is {whole:.2f} over the whole trial, but {cycle.mean:.2f} in its "
+                "cycles, as where angles drift; detrend=true or high_pass= takes drift away"
             )
         if one.cycles_left_out:
             lines.append(f"{name}: {one.cycles_left_out} of {one.cycles + one.cycles_left_out} cycles left out for gaps")

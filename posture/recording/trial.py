@@ -19,7 +19,7 @@ from posture.config.analyse import AnalyseConfig
 from posture.config.errors import ConfigError
 from posture.config.published import read_published
 from posture.recording.columns import Recording, read_recording
-from posture.recording.frequency import sinusoid_frequency
+from posture.recording.frequency import share_of_sinusoid, sinusoid_frequency
 from posture.recording.indices import CYCLE_VALUES, Cycles, Indices, measure
 from posture.recording.ramp import RampCourse, course_and_transitions, follow
 from posture.recording.signals import prepare
@@ -40,8 +40,8 @@ class Trial:
     """What is known of one recording.
 
     freq_from: what the frequency was taken from: freq, target, head, ankle, hip, or ramp. explained: share of that signal's
-    variance that a sinusoid of this frequency explains. least: the motion of least torque with the same frequency and head
-    amplitude; nan where none was asked for, or none is possible.
+    variance that a sinusoid of this frequency explains; with freq, of the first of these signals that moves. least: the
+    motion of least torque with the same frequency and head amplitude; nan where none was asked for, or none is possible.
     """
 
     path: Path
@@ -91,6 +91,7 @@ def analyse(path: Path, config: AnalyseConfig, body: Segments | None = None) -> 
     freq_t: Array | None = None
     if config.ramp is None:
         freq, freq_from, explained = _frequency(recording, config)
+        _check_filters(path, config, freq)
     else:
         freq, freq_from, explained = math.nan, "ramp", math.nan
         freq_t = follow(recording, config.ramp if isinstance(config.ramp, Ramp) else None)
@@ -119,15 +120,28 @@ def analyse(path: Path, config: AnalyseConfig, body: Segments | None = None) -> 
 
 def _frequency(recording: Recording, config: AnalyseConfig) -> tuple[float, str, float]:
     """The frequency [Hz], what it was taken from, and the share of the variance that its sinusoid explains."""
-    if config.freq is not None:
-        return config.freq, "freq", math.nan
     signals = {"target": recording.target, "head": recording.head, "ankle": recording.ankle, "hip": recording.hip}
     for name, signal in signals.items():
         if signal is not None:
             freq, explained = sinusoid_frequency(recording.time, signal)
+            if freq > 0 and config.freq is not None:
+                return config.freq, "freq", share_of_sinusoid(recording.time, signal, config.freq)
             if freq > 0:
                 return freq, name, explained
+    if config.freq is not None:
+        return config.freq, "freq", math.nan
     raise refuse(recording.path, "no signal moves for a whole cycle, from which the frequency could be told; freq= gives it")
+
+
+def _check_filters(path: Path, config: AnalyseConfig, freq: float) -> None:
+    """Raise ConfigError where a filter takes away the motion at the frequency of the target [Hz]."""
+    low, high = config.low_pass, config.high_pass
+    for key, cutoff, is_kept in (
+        ("low_pass", low, low is None or low > freq),
+        ("high_pass", high, high is None or high < freq),
+    ):
+        if not is_kept:
+            raise refuse(path, f"{key}={cutoff:g} Hz takes away its motion at {freq:.3g} Hz")
 
 
 def least_motion(body: Segments, config: AnalyseConfig, freq: float, head_amplitude: float) -> PeriodicMotion | None:

@@ -1,5 +1,6 @@
 """posture.analyse as users type it: the examples of the documentation, groups, and bad input in one line."""
 
+import math
 import os
 import re
 import runpy
@@ -168,6 +169,8 @@ CONTENT = {
         ("sound", ["subject='(S'"], "subject: '(S' is not a regular expression"),
         ("sound", ["subject=S9"], "a.csv: subject=S9 finds nothing in it"),
         ("sound", ["low_pass=30"], "a.csv: low_pass=30 is not below half its sampling rate of 50 Hz"),
+        ("sound", ["freq=0.5", "low_pass=0.3"], "a.csv: low_pass=0.3 Hz takes away its motion at 0.5 Hz"),
+        ("sound", ["freq=0.5", "high_pass=0.6"], "a.csv: high_pass=0.6 Hz takes away its motion at 0.5 Hz"),
         ("sound", ["low_pass=1", "high_pass=2"], "high_pass: 2 Hz leaves nothing below the low_pass of 1 Hz"),
         ("sound", ["scale.hip=0"], "scale.hip: 0 leaves nothing"),
         ("sound", ["ramp=estimate"], "a.csv: has neither target nor head"),
@@ -199,6 +202,22 @@ def test_joints_that_hardly_move_are_remarked(monkeypatch, capsys):
     write(Path("a.csv"), lines(MOTION, RAD.replace("_rad", "_deg")))
     call(monkeypatch, "analyse", "recording=a.csv", "evaluation.figures=false", "out=out")
     assert "a.csv: hip and ankle move by 0.21 and 0.1 deg, one of them by less than" in capsys.readouterr().out
+
+
+def test_drift_that_turns_the_sign_of_r_and_another_frequency_than_the_target_has_are_remarked(monkeypatch, capsys):
+    """Hip and ankle in phase that drift apart by 0.5 and -0.4 deg/s, as far as the joints move in about ten seconds."""
+    time = times(40.0, 50.0)
+    drift = recording(0.5, time=time)
+    for i, (hip, ankle) in enumerate(((0.5, -0.4), (0.0, 0.0))):
+        angles = {"hip": drift.hip + math.radians(hip) * time, "ankle": drift.ankle + math.radians(ankle) * time}
+        moved = recording(0.5, time=time, **angles)
+        write(Path(f"{i}.csv"), lines(moved, RAD))
+        call(monkeypatch, "analyse", f"recording={i}.csv", "evaluation.figures=false", "out=out", "freq=0.5")
+        printed = capsys.readouterr().out
+        assert ("r, whose sign is the mode, is -0." in printed) == ("detrend=true" in printed) == (i == 0)
+        assert "explains" not in printed
+    call(monkeypatch, "analyse", "recording=1.csv", "evaluation.figures=false", "out=out", "freq=0.6")
+    assert "1.csv: a sinusoid of freq=0.6 Hz explains 0 % of the variance of the target" in capsys.readouterr().out
 
 
 def test_a_motion_without_one_frequency_is_remarked(monkeypatch, capsys):

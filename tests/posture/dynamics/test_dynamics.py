@@ -68,13 +68,14 @@ def test_the_command_writes_tables_findings_and_a_figure(monkeypatch, tmp_path, 
         *("staircase.csv", "switches.csv", "fluctuation.csv", "relaxation.csv", "findings.csv"),
         *("dynamics.png", "dynamics.yaml"),
     }
-    assert len(table(tmp_path / "staircase.csv")) == 2 * 4
-    assert len(table(tmp_path / "switches.csv")) == 2 * 2
+    assert len(table(tmp_path / "staircase.csv")) == 4  # this policy has no noise: two repeats would be the same
+    assert len(table(tmp_path / "switches.csv")) == 2
     assert [row["freq_hz"] for row in table(tmp_path / "fluctuation.csv")] == ["0.8", "1", "1.2"]
     assert [row["freq_hz"] for row in table(tmp_path / "relaxation.csv")] == ["0.8", "1.2"]
-    assert "hysteresis_short" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "hysteresis_short" in printed and "without noise all repeats are the same: one is made" in printed
     # Only what is asked for, also where there was more.
-    call(monkeypatch, "dynamics", "ckpt=pretrained/universal", f"out={tmp_path}", "repeats=1", RAMP, "what=[ramp]")
+    call(monkeypatch, "dynamics", "ckpt=pretrained/universal", f"out={tmp_path}", "repeats=1", RAMP, "what=ramp")
     assert {path.name for path in tmp_path.iterdir()} == {"switches.csv", "findings.csv", "dynamics.yaml"}
 
 
@@ -118,6 +119,11 @@ def test_there_may_be_more_trials_at_once_than_frequencies_in_an_evaluation(ship
         (["perturbation.time=5"], "time: 5 s leaves no time to recover in 7.3 s"),
         (["evaluation.duration=20"], "fewer than 3 cycles at 0.1 Hz"),
         (["what=[hysteresis]"], "what"),
+        (["what=stairs"], "what.0 = 'stairs': must be 'staircase'"),
+        (
+            ["staircase.courses.own=[0.3,0.5]"],
+            "own: no such key; there are platform, head_tracking; +staircase.courses.own=..",
+        ),
         (["what=[ramp,ramp]"], "what: ramp appears 2 times"),
         (["what=[ramp]", "staircase.cycles=20"], "staircase.cycles: has no effect without staircase in what"),
         (["ckpt=nowhere"], "nowhere"),

@@ -195,6 +195,14 @@ def test_hysteresis_over_seeds_has_students_interval():
     assert named(findings(reversed_, [], [], 0.1))["hysteresis_ramp"].found.startswith("reversed")
 
 
+def test_hysteresis_of_one_seed_has_students_interval_over_its_repeats():
+    """Widths 0.02 and 0.04 Hz: mean 0.03, standard error 0.01, t(0.975, 1) = 12.706. Two of one sign are no finding."""
+    rows = [SwitchRow("ramp", 1, repeat, 0.7, 0.7 - width, width) for repeat, width in enumerate((0.02, 0.04))]
+    (one,) = findings(rows, [], [], 0.1)
+    assert (one.value, one.low, one.high) == tuple(pytest.approx(0.03 + x, abs=1e-5) for x in (0, -0.12706, 0.12706))
+    assert one.found == "no hysteresis that could be told from zero"
+
+
 def test_fluctuations_and_relaxation_near_the_switch_over_those_elsewhere():
     """SD 6 deg within 0.1 Hz of the switch and 2 deg elsewhere: 3. Relaxation 1 s everywhere: 1."""
     rows = [row for seed in (1, 2, 3) for row in fluctuation(seed, 0.65, lambda away: 6.0 if away <= 0.1 else 2.0)]
@@ -203,6 +211,12 @@ def test_fluctuations_and_relaxation_near_the_switch_over_those_elsewhere():
     assert (found["fluctuation"].value, found["fluctuation"].found) == (pytest.approx(3.0), "larger near the switch")
     one = found["phase_relaxation"]
     assert (one.value, one.found) == (pytest.approx(1.0), "not larger near the switch")
+
+
+def test_a_relative_phase_that_hardly_varies_does_not_fluctuate():
+    rows = [row for seed in (1, 2, 3) for row in fluctuation(seed, 0.65, lambda away: 0.6 if away <= 0.1 else 0.2)]
+    one = named(findings([], rows, [], 0.1))["fluctuation"]
+    assert one.value == pytest.approx(3.0) and one.found == "below 1 deg at every frequency"
 
 
 def test_modes_are_circular_means_below_and_above_the_switch():

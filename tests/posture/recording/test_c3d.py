@@ -9,12 +9,12 @@ import pytest
 from posture.config.errors import ConfigError
 from posture.recording.c3d import read_c3d
 from posture.recording.columns import read_recording
-from tests.posture.recording.people import HEAD, config, recording, write
+from tests.posture.recording.people import HEAD, config, recording, times, wave, write
 
 RATE = 100.0
 
 
-def write_c3d(path, points, rate=RATE, units="mm", angle_units="deg", channels=None):
+def write_c3d(path, points, rate=RATE, units="mm", angle_units="deg", channels=None, channel_units="V"):
     """`points`: (3, T) by label. `channels`: (T x k,) by label."""
     content = ezc3d.c3d()
     content["parameters"]["POINT"]["RATE"]["value"] = [rate]
@@ -28,6 +28,7 @@ def write_c3d(path, points, rate=RATE, units="mm", angle_units="deg", channels=N
         count = len(next(iter(channels.values()))) // stacked.shape[2]
         content["parameters"]["ANALOG"]["RATE"]["value"] = [rate * count]
         content["parameters"]["ANALOG"]["LABELS"]["value"] = list(channels)
+        content["parameters"]["ANALOG"]["UNITS"]["value"] = len(channels) * [channel_units]
         content["data"]["analogs"] = np.stack(list(channels.values()))[None]
     content.write(str(path))
     return path
@@ -70,16 +71,31 @@ def test_angles_of_plug_in_gait_and_the_mean_of_two_markers(tmp_path):
     np.testing.assert_allclose(right.hip, motion.hip - np.radians(1.0), atol=1e-6)
 
 
-def test_a_channel_is_averaged_over_each_frame_and_missing_points_are_nan(tmp_path):
+def test_a_channel_is_averaged_about_each_frame_and_missing_points_are_nan(tmp_path):
+    """Ten samples a frame, of which the first is as old as the frame's points. A sawtooth whose mean over ten samples is 0
+    drops out; half a frame of delay would be an error of 1 mm."""
     motion = recording(0.5)
-    target = np.repeat(motion.target, 10) + np.tile(np.linspace(-0.01, 0.01, 10), len(motion.time))  # mean 0 in a frame
+    target = HEAD * (1 - wave(times(rate=10 * RATE), 0.5)) + np.tile(np.linspace(-0.01, 0.01, 10), len(motion.time))
     points = plug_in_gait(motion)
     points["Anna:RHipAngles"][:, 5] = np.nan
-    path = write_c3d(tmp_path / "a.c3d", points, channels={"Laser": target})
-    found = read_recording(path, config("columns.target=Laser", "length_unit=m"))
-    np.testing.assert_allclose(found.target, motion.target, atol=1e-6)
+    path = write_c3d(tmp_path / "a.c3d", points, channels={"Laser": target}, channel_units="m")
+    found = read_recording(path, config("columns.target=Laser"))
+    np.testing.assert_allclose(found.target[1:-1], motion.target[1:-1], atol=1e-5)
     assert np.flatnonzero(np.isnan(found.hip)).tolist() == [5]
-    assert np.ptp(found.target) == pytest.approx(2 * HEAD, rel=1e-3)
+
+
+def test_a_channel_in_volts_does_not_count_as_millimetres(tmp_path):
+    """0.04 m a volt."""
+    motion = recording(0.5)
+    for units, named in (("V", "V"), ("", "an unknown unit")):
+        path = write_c3d(
+            tmp_path / "a.c3d", plug_in_gait(motion), channels={"Laser": motion.target / 0.04}, channel_units=units
+        )
+        with pytest.raises(ConfigError, match=f"column Laser, the target, is in {named}; allowed are m, cm, mm"):
+            read_recording(path, config("columns.target=Laser"))
+    found = read_recording(path, config("columns.target='Laser [m]'", "scale.target=0.04", "columns.head=LFHD.y"))
+    np.testing.assert_allclose(found.target, motion.target, atol=1e-6)
+    np.testing.assert_allclose(found.head, motion.head + 0.003, atol=1e-6)  # still in mm
 
 
 def test_the_unit_of_angles_is_not_guessed(tmp_path):

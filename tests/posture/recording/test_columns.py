@@ -70,6 +70,18 @@ def test_positions_in_their_units_and_directions(tmp_path):
         read(tmp_path, [rows[0], "0,0.1,0.1,1,1", "1,0.1,0.1,2,1", "2,0.2,0.1,-40000,1"], "length_unit=m")
 
 
+def test_a_unit_behind_the_name_of_a_column(tmp_path):
+    rows = ["time,hip_flexion_r,ankle_angle_r_deg,head_x,target_x", "0,0.1,6,0,20", "0.1,0.2,6,-0.02,50"]
+    keys = ("columns.hip='hip_flexion_r [rad]'", "columns.target='target_x (mm)'", "length_unit=m", "signs=posture")
+    found = read(tmp_path, rows, *keys)
+    np.testing.assert_allclose(found.hip, [0.1, 0.2])
+    np.testing.assert_allclose(found.ankle, np.radians([6, 6]))
+    np.testing.assert_allclose(found.head, [0, -0.02])
+    np.testing.assert_allclose(found.target, [0.02, 0.05])
+    with pytest.raises(ConfigError, match="column target_x, the target, is in deg; allowed are m, cm, mm"):
+        read(tmp_path, rows, "columns.target='target_x [deg]'", *keys[2:], "columns.hip='hip_flexion_r [rad]'")
+
+
 def test_times_by_rate_and_in_milliseconds(tmp_path):
     rows = ["hip_flexion_r_rad,ankle_angle_r_rad", "0.1,0.1", "0.2,0.1", "0.1,0.1"]
     np.testing.assert_allclose(read(tmp_path, rows, "rate=50").time, [0, 0.02, 0.04])
@@ -124,6 +136,12 @@ SOUND = ["time,hip_flexion_r_rad,ankle_angle_r_rad", "0,0.1,0.1", "0.1,0.2,0.1",
             [],
             "row 4, column hip_flexion_r: 35 rad is more than 10 rad; angle_unit= sets another",
         ),
+        (
+            [*SOUND[:3], "0.2,0.1,6.2"],
+            [],
+            "row 4, column ankle_angle_r: jumps from 0.1 to 6.2 rad; allowed are angles that do",
+        ),
+        (["time,a_b,a_rad", "0,1,1"], ["columns.hip=B"], "no column B, which columns.hip names; there are a_b, time, a"),
         (SOUND, ["columns.hip=hop"], "no column hop, which columns.hip names; there are time, hip_flexion_r, ankle_angle_r"),
         (
             ["time,a_rad,b_rad", "0,1,1"],
