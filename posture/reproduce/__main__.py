@@ -72,7 +72,7 @@ def reproduce(config: ReproduceConfig, folder: Path) -> None:
 
 def check_files(folder: Path) -> None:
     """Raise ConfigError if a file of the report cannot be written to `folder`."""
-    run_dir.writable(folder, "report.html", "summary.md")
+    run_dir.writable(folder, "report.html", "summary.md", "provenance.yaml")
     run_dir.writable(folder / "tables", *(f"{name}.csv" for name in (*TRAININGS, *EVALUATIONS, "verdicts")))
     run_dir.writable(folder / "figures", *(f"{name}.png" for name in text.FIGURES))
 

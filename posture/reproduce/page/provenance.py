@@ -9,6 +9,7 @@ from typing import Any
 from posture.reproduce.page.page import Table
 from posture.reproduce.page.text import HOW_IT_WAS_MADE, LEFT_OUT, MIXED
 from posture.reproduce.reproduction import Training
+from posture.storage import provenance
 
 FEW = 3
 """Trainings that differ from the others are named up to this many."""
@@ -55,6 +56,12 @@ def how_it_was_made(trainings: Sequence[Training], commands: Sequence[str]) -> s
         commits=listed({f"`{start['git_commit']}`" for start in starts}),
         commands="\n".join(commands),
     )
+
+
+def codes(trainings: Sequence[Training]) -> dict[str, Any]:
+    """Digests of the code that trained the policies, and of that which evaluated them, as provenance.yaml has them."""
+    trained = {_code(start) for training in trainings if training.done for start in training.starts}
+    return {"training_code": sorted(trained), "analysis_code": provenance.analysis_code()}
 
 
 def _code(start: Mapping[str, Any]) -> str:

@@ -21,15 +21,17 @@ from posture.reproduce.figures.draw import draw_report
 from posture.reproduce.page import page, tables, text
 from posture.reproduce.page.findings import findings
 from posture.reproduce.page.page import Figure, Section
-from posture.reproduce.page.provenance import how_it_was_made, training_table, warnings
+from posture.reproduce.page.provenance import codes, how_it_was_made, training_table, warnings
 from posture.reproduce.reproduction import Reproduction
+from posture.storage import yaml_files
 from posture.storage.atomic import replacing
 
 
 def write_report(
     reproduction: Reproduction, paper: Published, report: ReportConfig, out: Path, commands: Sequence[str]
 ) -> Path:
-    """Write report.html, summary.md, figures/ and tables/ (a CSV for each experiment, one of the verdicts) into `out`.
+    """Write report.html, summary.md, provenance.yaml, figures/ and tables/ (a CSV for each experiment, one of the verdicts)
+    into `out`.
 
     `commands`: those that produced the results. Returns the page's path.
     """
@@ -45,6 +47,7 @@ def write_report(
     count = Counter(claim.verdict for claim in claims)
     outcomes = ", ".join(f"{count[outcome]} {outcome}" for outcome in Outcome if count[outcome])
     subtitle = text.SUBTITLE.format(count=len(claims), outcomes=outcomes)
+    yaml_files.write_yaml(out / "provenance.yaml", codes(reproduction.trainings))
     for name, write in (("report.html", page.html), ("summary.md", page.markdown)):
         with replacing(out / name) as temporary:
             temporary.write_text(write(text.TITLE, subtitle, sections), encoding="utf-8")

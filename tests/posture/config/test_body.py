@@ -39,7 +39,7 @@ def test_configuration_of_a_person():
     assert compose("env/body=paper").env == compose().env and compose().env.body is None
 
 
-@pytest.mark.parametrize("env", ["authors_code", "fixed_reward", "many_bodies", "paper"])
+@pytest.mark.parametrize("env", ["authors_code", "authors_code_as_run", "fixed_reward", "many_bodies", "paper"])
 def test_every_task_takes_a_body(env):
     assert compose(f"env={env}", "env/body=anthropometric", "env.body.sex=female").env.body.sex == "female"
 

@@ -77,6 +77,14 @@ def test_the_command_writes_tables_findings_and_a_figure(monkeypatch, tmp_path, 
     # Only what is asked for, also where there was more.
     call(monkeypatch, "dynamics", "ckpt=pretrained/universal", f"out={tmp_path}", "repeats=1", RAMP, "what=ramp")
     assert {path.name for path in tmp_path.iterdir()} == {"switches.csv", "findings.csv", "dynamics.yaml"}
+    # Results that are current are left as they are, damaged ones are made again.
+    again = ["dynamics", "ckpt=pretrained/universal", f"out={tmp_path}", "repeats=1", RAMP, "what=ramp", "again=false"]
+    before = table(tmp_path / "switches.csv")
+    call(monkeypatch, *again)
+    assert capsys.readouterr().out.endswith(f"made before: {tmp_path}\n")
+    (tmp_path / "switches.csv").write_text("")
+    call(monkeypatch, *again)
+    assert table(tmp_path / "switches.csv") == before
 
 
 def test_a_full_disk_leaves_the_tables_of_an_earlier_start(monkeypatch, tmp_path):

@@ -182,7 +182,10 @@ def test_seeds_of_the_vector_environment():
         ({"freq": "fast"}, r"env.freq = fast: allowed is a number, or a range \[low, high\]"),
         ({"hipk": 50}, "env.hipk: no such key"),
         ({"reward": {"stay": 1}}, "env.reward.stay: no such key"),
-        ({"env": "papers"}, "env/papers.* authors_code fixed_reward head_tracking human many_bodies paper"),
+        (
+            {"env": "papers"},
+            "env/papers.* authors_code authors_code_as_run fixed_reward head_tracking human many_bodies paper",
+        ),
         ({"env": "paper,authors_code"}, "env = 'paper,authors_code': allowed is the name of a file of conf/env"),
         ({"env": {"freq": 1}}, "env = {'freq': 1}: allowed is the name of a file of conf/env"),
         ({"training_steps": 0}, "training_steps = 0: must be greater than or equal to 1"),

@@ -211,6 +211,8 @@ def test_the_page_is_whole(made: object) -> None:
     summary = Path("report/summary.md").read_text(encoding="utf-8")
     row = "| 0.15 | 0.92 (0.92 to 0.92) | 22 (22 to 22) | in-phase | 0.91 | - | 1.10 (1.10 to 1.10) | 2/2 | in-phase |"
     assert row in summary
+    codes = {"training_code": [provenance.training_code()], "analysis_code": provenance.analysis_code()}
+    assert yaml_files.read_yaml(Path("report/provenance.yaml")) == codes
     assert "{" not in summary  # every number is filled in
     # tanh(3 (0.69 - f)) is 0 at 0.69 Hz; the cost ratio is 1.1.
     assert "The modes switch at 0.690 (0.690 to 0.690) Hz; the paper's at 0.69 Hz in a ramp." in summary
