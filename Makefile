@@ -9,7 +9,7 @@ STAMP := .venv/.installed
 .DEFAULT_GOAL := help
 ARGUMENTS = $(if $(seeds),seeds=$(seeds)) $(ARGS)
 
-.PHONY: help setup play film train eval theory reproduce benchmark docs test test-slow test-gpu lint types check clean
+.PHONY: help setup play film train eval theory reproduce benchmark docs paper test test-slow test-gpu lint types check clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -52,6 +52,10 @@ docs: setup ## build the documentation site in build/site, with every broken lin
 	rm -rf build/site
 	$(BIN)/python -m sphinx --quiet --fail-on-warning --keep-going --fresh-env -d build/doctrees -c docs $(ARGS) . build/site
 	@echo "build/site/index.html"
+
+paper: setup ## the paper on this software as one HTML file, build/paper.html
+	$(BIN)/python docs/paper.py build/paper.html
+	@echo "build/paper.html"
 
 test: setup ## run the quick tests, on several cores; pytest options in ARGS
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal --durations 40 $(ARGS)

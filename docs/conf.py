@@ -6,6 +6,8 @@ the site. Nothing is loaded from another site: no fonts, no scripts.
 
 import re
 import shutil
+import subprocess
+import sys
 import textwrap
 from os.path import normpath
 from pathlib import Path, PurePosixPath
@@ -101,6 +103,11 @@ def mark_anchors(app: Sphinx, name: str, source: list[str]) -> None:
     source[0] = re.sub(r'^<a id="([\w-]+)"></a>$', r"(\1)=", source[0], flags=re.M)
 
 
+def link_paper(app: Sphinx, name: str, source: list[str]) -> None:
+    """Links to the paper lead to its HTML, since pandoc makes that, and not Sphinx (`make_paper`)."""
+    source[0] = re.sub(r"\[([^]]+)\]\(((?:\.\./)*paper)\.md\)", r'<a href="\2.html">\1</a>', source[0])
+
+
 def accept_anchors(app: Sphinx, document: nodes.document) -> None:
     """Let links from other pages lead to these anchors."""
     known = app.env.metadata[app.env.docname].setdefault("myst_slugs", {})
@@ -134,6 +141,12 @@ def copy_files(app: Sphinx, error: Exception | None) -> None:
     shutil.copyfile(app.outdir / f"{root_doc}.html", app.outdir / "index.html")
 
 
+def make_paper(app: Sphinx, error: Exception | None) -> None:
+    """Make the paper's HTML, with its references, beside the first page."""
+    if error is None and app.builder.name == "html" and (Path(app.srcdir) / "paper.md").is_file():
+        subprocess.run([sys.executable, ROOT / "docs" / "paper.py", app.outdir / "paper.html"], check=True)
+
+
 def escape_docstring(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
     """Docstrings are plain text with `code` and **emphasis**, and not reStructuredText."""
     paragraphs = re.split(r"\n\s*\n", "\n".join(lines).rstrip())
@@ -153,7 +166,9 @@ def setup(app: Sphinx) -> None:
     """Connect the functions above to Sphinx."""
     app.connect("source-read", add_navigation)
     app.connect("source-read", mark_anchors)
+    app.connect("source-read", link_paper)
     app.connect("doctree-read", accept_anchors)
     app.connect("doctree-read", link_files, priority=400)  # before Sphinx collects downloads
     app.connect("build-finished", copy_files)
+    app.connect("build-finished", make_paper)
     app.connect("autodoc-process-docstring", escape_docstring)

@@ -20,7 +20,7 @@ from posture.storage import run_dir
 from tests.commands import TINY, TINY_THEORY
 
 ROOT = Path(__file__).resolve().parents[1]
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCUMENTS = [ROOT / "README.md", ROOT / "paper.md", *sorted((ROOT / "docs").glob("*.md"))]
 PROGRAMS = ("python ", "posture ", "make ", "tensorboard ", "torchrun ", "pip ", "git ", "cd ")
 
 # Appended to a command so that it takes seconds. play is not run: it serves until it is stopped.

@@ -75,6 +75,8 @@ def test_nothing_is_loaded_from_another_site(site, pages):
 @pytest.mark.slow
 def test_first_page_films_and_reference(site, pages):
     assert ("img", "_images/two_modes.gif") in pages[site / "index.html"].addresses
+    assert ("a", "paper.html") in pages[site / "index.html"].addresses
+    assert "ref-shen2023" in pages[site / "paper.html"].ids
     gallery = pages[site / "docs/gallery.html"].addresses
     assert {("iframe", "../results/film/session.html"), ("video", "../results/film/ramp.mp4")} <= set(gallery)
     assert "posture.evaluation.trial.evaluate_at" in pages[site / "docs/api/evaluation.html"].ids
