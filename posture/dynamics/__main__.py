@@ -43,7 +43,9 @@ def examine(config: DynamicsConfig, folder: Path) -> None:
         "dynamics": config.model_dump(mode="json", exclude={"ckpt", "out", "again", "device"}),
     }
     run_dir.writable(folder, *FILES)
-    if not config.again and yaml_files.read_yaml(folder / "dynamics.yaml") == record | _digests(folder):
+    if not config.again and yaml_files.read_yaml(folder / "dynamics.yaml") == record | provenance.digests_of_existing(
+        folder, FILES[:-1]
+    ):
         print(f"made before: {folder}")
         return
     steps: list[measures.StepRow] = []
@@ -81,15 +83,11 @@ def examine(config: DynamicsConfig, folder: Path) -> None:
         draw(steps, fluctuation, relaxation, folder / "dynamics.png")
     else:
         (folder / "dynamics.png").unlink(missing_ok=True)
-    yaml_files.write_yaml(folder / "dynamics.yaml", record | _digests(folder))
+    yaml_files.write_yaml(folder / "dynamics.yaml", record | provenance.digests_of_existing(folder, FILES[:-1]))
     import tabulate
 
     print(tabulate.tabulate([asdict(row) for row in found], "keys", floatfmt=".3g"))
     print(*(folder / name for name in FILES if (folder / name).exists()), sep="\n")
-
-
-def _digests(folder: Path) -> dict[str, dict[str, str]]:
-    return provenance.digests(folder, [name for name in FILES[:-1] if (folder / name).exists()])
 
 
 def check(configs: Sequence[DynamicsConfig], in_sweep: bool) -> None:

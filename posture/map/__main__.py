@@ -41,7 +41,9 @@ def make_map(config: MapConfig, folder: Path) -> None:
         "map": config.model_dump(mode="json", exclude={"ckpt", "out", "again", "device"}),
     }
     run_dir.writable(folder, *FILES)
-    if not config.again and yaml_files.read_yaml(folder / "map.yaml") == record | _digests(folder):
+    if not config.again and yaml_files.read_yaml(folder / "map.yaml") == record | provenance.digests_of_existing(
+        folder, FILES[:-1]
+    ):
         print(f"made before: {folder}")
         return
     (folder / "map.yaml").unlink(missing_ok=True)  # it marks the folder as complete
@@ -67,13 +69,9 @@ def make_map(config: MapConfig, folder: Path) -> None:
     else:
         for name in ("transitions.csv", "map.png"):  # of an earlier map
             (folder / name).unlink(missing_ok=True)
-    yaml_files.write_yaml(folder / "map.yaml", record | _digests(folder))
+    yaml_files.write_yaml(folder / "map.yaml", record | provenance.digests_of_existing(folder, FILES[:-1]))
     print(_text(agreed), *([] if not switches else ["", _text(switches)]), sep="\n")
     print(*(folder / name for name in FILES if (folder / name).exists()), sep="\n")
-
-
-def _digests(folder: Path) -> dict[str, dict[str, str]]:
-    return provenance.digests(folder, [name for name in FILES[:-1] if (folder / name).exists()])
 
 
 def _text(rows: Sequence[object]) -> str:

@@ -27,7 +27,7 @@ from posture.config.train import TrainConfig
 from posture.evaluation.trial import AS_TRAINED, is_current, origin, policy_record
 from posture.learning.resume import training_seconds
 from posture.reproduce.claims.verdict import Transitions
-from posture.reproduce.experiments import EVALUATIONS, RECIPES
+from posture.reproduce.experiments import EVALUATIONS, PUBLISHED, RECIPES
 from posture.reproduce.reproduction import (
     Body,
     Dynamics,
@@ -74,7 +74,7 @@ def collect(
     at_one = {"hip_stiffness": paper.experiment_3.freq_hz}
     for name in WITH_REWARD_OPTIMUM:
         results[name] = _with_reward_optimum(results.get(name, []), run, at_one.get(name))
-    for name in list(RECIPES)[1:]:
+    for name in PUBLISHED:
         for kind in (name, f"load_{name}"):
             if results.get(kind):
                 results[kind] = _with_reward_optimum(results[kind], _config(done[name][0]), None)

@@ -1,6 +1,9 @@
 """The experiments of conf/experiment/ that make up a reproduction."""
 
 from dataclasses import dataclass
+from typing import get_args
+
+from posture.config.reproduce import Experiment
 
 
 @dataclass(frozen=True)
@@ -11,17 +14,19 @@ class Evaluation:
     policies: str = "frequency"
 
 
-TRAININGS = ("frequency", "energy", "hip_stiffness", "map", "human", "as_published", "as_run")
+TRAININGS: tuple[str, ...] = get_args(Experiment)
 """Experiments that train policies; `frequency` is Exp. 1."""
 RECIPES = {"frequency": "ours", "as_published": "authors' code", "as_run": "authors' code as it was run"}
 """Those that train one policy for all frequencies of Exp. 1 in different ways, and their names in the report."""
+PUBLISHED = ("as_published", "as_run")
+"""Those of them that are not ours."""
 EVALUATIONS = {
     "ramp": Evaluation("ramp"),
     "load": Evaluation("load"),
     "load_trained": Evaluation("load", "map"),
     "amplitude": Evaluation("amplitude", "map"),
     "engines": Evaluation("engines"),
-    **{f"{trial}_{policies}": Evaluation(trial, policies) for policies in list(RECIPES)[1:] for trial in ("ramp", "load")},
+    **{f"{trial}_{policies}": Evaluation(trial, policies) for policies in PUBLISHED for trial in ("ramp", "load")},
 }
 """By name of the results."""
 OF_SEVERAL_SEEDS = {"map": "map", "dynamics": "human"}

@@ -57,8 +57,7 @@ class Recipe:
     """One way of training a policy for all frequencies of Exp. 1, as `RECIPES` names it, and its results.
 
     frequency, ramp, load: of Exp. 1, 4a and 4b. reward_hz: where the optimum of its reward switches [Hz]; nan where it does
-    not. soft_r, cheap_r: hip-ankle correlation of that optimum with the stiffest hips of Exp. 3, and at the dearest effort
-    of Exp. 2, that are anti-phase in the paper.
+    not. soft_hip_r, low_weight_r: hip-ankle correlation [-] of that optimum at the conditions of `last_anti_phase`.
     """
 
     name: str
@@ -66,8 +65,8 @@ class Recipe:
     ramp: list[Result]
     load: list[Result]
     reward_hz: float
-    soft_r: float
-    cheap_r: float
+    soft_hip_r: float
+    low_weight_r: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +108,7 @@ class Reproduction:
 
 
 def last_anti_phase(paper: Published) -> tuple[float, float]:
-    """The stiffest hips [Nm/rad] of Exp. 3 and the dearest effort (gamma) of Exp. 2 that are anti-phase in the paper."""
+    """The largest hip stiffness [Nm/rad] of Exp. 3 and the largest gamma of Exp. 2 that are anti-phase in the paper."""
     third, fourth = paper.experiment_3, paper.table_4
     return (
         max(k for k, mode in zip(third.hip_k_nm_per_rad, third.mode, strict=True) if mode == "anti"),

@@ -101,6 +101,11 @@ def digests(folder: Path, names: Sequence[str]) -> dict[str, dict[str, str]]:
     return {"sha256": {name: hashlib.sha256((folder / name).read_bytes()).hexdigest() for name in names}}
 
 
+def digests_of_existing(folder: Path, names: Sequence[str]) -> dict[str, dict[str, str]]:
+    """The same of those of the files that exist."""
+    return digests(folder, [name for name in names if (folder / name).exists()])
+
+
 def source_files(packages: Sequence[str]) -> list[Path]:
     """Source files and body models of `packages`, without those that only show results."""
     kinds = (".py", ".xml", ".yaml")

@@ -34,6 +34,11 @@ IN_FIGURE = "in a figure only"
 PHASE_IN_THEORY = " In theory the correlation is judged, which changes in the opposite direction."
 
 
+def in_hz(freq: float) -> str:
+    """A frequency [Hz] in words, "none" for nan."""
+    return "none" if math.isnan(freq) else f"{freq:.3f} Hz"
+
+
 @dataclass(frozen=True)
 class Transitions:
     """Frequency [Hz] at which the modes of the linear stander switch; nan where they do not.
@@ -49,7 +54,7 @@ class Transitions:
     def __str__(self) -> str:
         names = {"least torque": self.least, "optimum of the trained reward": self.reward}
         names["least-torque sinusoid"] = self.sinusoid
-        return ", ".join(f"{'none' if math.isnan(hz) else f'{hz:.3f} Hz'} ({name})" for name, hz in names.items())
+        return ", ".join(f"{in_hz(hz)} ({name})" for name, hz in names.items())
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from posture.config.published import Published
 from posture.reproduce.claims.frequency import switches
 from posture.reproduce.claims.rules import Outcome
 from posture.reproduce.claims.seed_means import mean_of, sample, seed_means, where
-from posture.reproduce.claims.verdict import Verdict
+from posture.reproduce.claims.verdict import Verdict, in_hz
 from posture.reproduce.experiments import RECIPES
 from posture.reproduce.quantities import COST_RATIO, FREQ
 from posture.reproduce.reproduction import Recipe, Reproduction
@@ -45,8 +45,8 @@ def _theory(reproduction: Reproduction, paper: Published) -> str:
     cost = seed_means(own, (), COST_RATIO.measured)[()] if own else None
     learned = f" The policies' squared torque is {cost.text('.3f')} times the least." if cost and cost.n else ""
     return (
-        f"**Theory has the switch without learning**: the motion of least torque at {at.least:.3f} Hz, the best motion for "
-        f"the trained reward at {at.reward:.3f} Hz.{learned}"
+        f"**Where theory has the switch, without learning:** {in_hz(at.least)} in the motion of least torque, "
+        f"{in_hz(at.reward)} in the best motion for the trained reward.{learned}"
     )
 
 
@@ -62,11 +62,11 @@ def _as_published(recipes: Sequence[Recipe]) -> str:
     for recipe in recipes:
         mean = mean_of(list(switches(recipe.frequency).values()))
         trained = f"{mean.text('.3f')} Hz" if mean.n else "no single switch"
-        texts.append(f"{RECIPES[recipe.name]} {trained} (best for its reward: {recipe.reward_hz:.3f} Hz)")
+        texts.append(f"{RECIPES[recipe.name]} {trained} (best for its reward: {in_hz(recipe.reward_hz)})")
     return f"**The training matters.** Where the modes switch: {'; '.join(texts)}." if texts else ""
 
 
 def _not_reproduced(measured: Mapping[str, Verdict]) -> str:
     claims = [verdict for verdict in measured.values() if verdict.verdict is Outcome.NOT]
     texts = [f"{verdict.claim.rstrip('.')} ({verdict.experiment}: {verdict.finding})" for verdict in claims]
-    return f"**Not reproduced:** {'; '.join(texts)}." if texts else "**No claim that was measured failed entirely.**"
+    return f"**Not reproduced:** {'; '.join(texts)}." if texts else ""

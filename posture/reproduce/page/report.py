@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shutil
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -16,7 +15,7 @@ from posture.config.train import TrainConfig
 from posture.reproduce.claims.evaluate import verdicts
 from posture.reproduce.claims.rules import Outcome
 from posture.reproduce.claims.targets import targets
-from posture.reproduce.claims.verdict import Transitions, Verdict
+from posture.reproduce.claims.verdict import Transitions, Verdict, in_hz
 from posture.reproduce.figures.draw import draw_report
 from posture.reproduce.page import page, tables, text
 from posture.reproduce.page.findings import findings
@@ -158,6 +157,4 @@ def _sentence(words: str) -> str:
 
 
 def _theory(transitions: Transitions) -> str:
-    return text.THEORY.format(
-        **{name: "none" if math.isnan(hz) else f"{hz:.3f} Hz" for name, hz in asdict(transitions).items()}
-    )
+    return text.THEORY.format(**{name: in_hz(hz) for name, hz in asdict(transitions).items()})

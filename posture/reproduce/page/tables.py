@@ -16,7 +16,7 @@ from posture.reproduce.claims.ramp import WINDOWS
 from posture.reproduce.claims.rules import mode_of
 from posture.reproduce.claims.seed_means import group_by, mean_of, plural, seed_means, theory_means, where
 from posture.reproduce.claims.targets import Target
-from posture.reproduce.claims.verdict import Verdict
+from posture.reproduce.claims.verdict import Verdict, in_hz
 from posture.reproduce.experiments import RECIPES
 from posture.reproduce.page.page import Table
 from posture.reproduce.quantities import (
@@ -263,7 +263,7 @@ def recipe_table(recipes: Sequence[Recipe], paper: Published) -> Table:
         optima = [where(load, LOAD, [kg])[:1] for kg in loads]
         return [
             (_stood(own), "-"),
-            (_switch(recipe.frequency), _hz(recipe.reward_hz)),
+            (_switch(recipe.frequency), in_hz(recipe.reward_hz)),
             (_mean(recipe.ramp, lambda result: result.ramp.transition_centred_hz, 2), "-"),
             (at_ends(own, FREQ, (slow, fast), TARGET_HEAD_R.measured, 4), "-"),
             (at_ends(own, FREQ, (slow, fast), lambda result: 1e3 * COP_SPREAD.measured(result), 0), "-"),
@@ -271,8 +271,8 @@ def recipe_table(recipes: Sequence[Recipe], paper: Published) -> Table:
                 at_ends(load, LOAD, loads, HIP_ANKLE_R.measured, 2),
                 ", ".join(_r(result.reward.hip_ankle_r) for found in optima for result in found) or "-",
             ),
-            ("-", _r(recipe.soft_r)),
-            ("-", _r(recipe.cheap_r)),
+            ("-", _r(recipe.soft_hip_r)),
+            ("-", _r(recipe.low_weight_r)),
             (_mean(own, COST_RATIO.measured, 2), "-"),
         ]
 
@@ -298,10 +298,6 @@ def recipe_table(recipes: Sequence[Recipe], paper: Published) -> Table:
 
 def _r(value: float) -> str:
     return "-" if math.isnan(value) else f"{value:.2f}"
-
-
-def _hz(value: float) -> str:
-    return "none" if math.isnan(value) else f"{value:.3f}"
 
 
 def _coordination_table(
