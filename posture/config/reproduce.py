@@ -23,7 +23,7 @@ def _override(text: str) -> str:
 
 
 Experiment = Literal["frequency", "energy", "hip_stiffness", "map", "human", "as_published", "as_run"]
-Stage = Literal["train", "evaluate", "report", "ship"]
+Stage = Literal["train", "evaluate", "report", "ship", "archive"]
 Share = Annotated[float, Field(gt=0, le=1)]
 Rho = Annotated[float, Field(gt=0, le=1)]
 Step = Annotated[float, Field(ge=0.001, le=100)]

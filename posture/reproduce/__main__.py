@@ -64,6 +64,10 @@ def reproduce(config: ReproduceConfig, folder: Path) -> None:
                 failed |= run(command, of_several_seeds(command, done[experiment], config, folder))
     if "report" in config.stages or "ship" in config.stages:
         report(plan, config, folder)
+    if "archive" in config.stages:
+        from posture.reproduce.ship import archive  # imported here because torch is slow
+
+        archive(plan.trainings, folder / "policies")
     if "train" in config.stages:
         failed |= not print_summary(wanted, progress.done_before)
     if failed:

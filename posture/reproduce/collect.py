@@ -25,7 +25,6 @@ from posture.config.eval import EnvChanges, EvalConfig, EvaluationConfig
 from posture.config.published import Published
 from posture.config.train import TrainConfig
 from posture.evaluation.trial import AS_TRAINED, is_current, origin, policy_record
-from posture.learning.resume import training_seconds
 from posture.reproduce.claims.verdict import Transitions
 from posture.reproduce.experiments import EVALUATIONS, PUBLISHED, RECIPES
 from posture.reproduce.reproduction import (
@@ -38,6 +37,7 @@ from posture.reproduce.reproduction import (
     Training,
     last_anti_phase,
 )
+from posture.reproduce.ship import duration
 from posture.storage import provenance, run_dir, yaml_files
 from posture.theory.motion import motion_indices
 from posture.theory.program import InfeasibleError
@@ -154,7 +154,7 @@ def _training(experiment: str, job: Job) -> Training:
     if fraction_done(job) < 1:
         return Training(experiment, name, seed)
     starts = yaml_files.read_yaml(job.folder / "provenance.yaml") or []
-    return Training(experiment, name, seed, True, training_seconds(job.folder), starts)
+    return Training(experiment, name, seed, True, duration(job.folder), starts)
 
 
 def _of_training(job: Job, left_out: list[str]) -> list[Result]:

@@ -1,17 +1,20 @@
-"""Run folders reduced to what evaluation needs, small enough to come with the package: posture/pretrained/<condition>/.
+"""Run folders reduced to what evaluation needs: the policy (tens of kilobytes), configuration and provenance.
 
-Each has the policy alone (tens of kilobytes), the run's configuration and its provenance. `ckpt=pretrained` is the policy of
-Exp. 1, `ckpt=pretrained/<condition>` any other. `universal` is one for many bodies (experiment=map).
+One of each condition comes with the package, in posture/pretrained/<condition>/: `ckpt=pretrained` is the policy of Exp. 1,
+`ckpt=pretrained/<condition>` any other. `universal` is one for many bodies (experiment=map). The policies of all seeds lie
+beside the report, in policies/<experiment>/<job>/. Copied into runs/, they are evaluated there and not trained again.
 """
 
 import re
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from posture.cli.jobs import Job
 from posture.cli.sweep import fraction_done
+from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
+from posture.learning.resume import training_seconds
 from posture.storage import checkpoint, provenance, run_dir, yaml_files
 from posture.storage.run_dir import PRETRAINED
 
@@ -29,13 +32,36 @@ def ship(jobs: Iterable[Job], seed: int, into: Path = PRETRAINED) -> list[Path]:
     return shipped
 
 
+def archive(jobs: Mapping[str, Sequence[Job]], into: Path) -> list[Path]:
+    """Copy the policies of those `jobs` that are done to `into`/<experiment>/<job>; they replace earlier ones."""
+    archived = []
+    for experiment, own in jobs.items():
+        for job in own:
+            model = run_dir.newest_model(job.folder)
+            if fraction_done(job) >= 1 and model is not None:
+                archived.append(ship_policy(model, into / experiment / job.folder.name))
+    print(f"{into}: {len(archived)} policies")
+    return archived
+
+
+def duration(run: Path) -> float:
+    """How long a training took [s]; also of a folder that `ship_policy` made. Raises ConfigError if that is not there."""
+    model = run_dir.newest_model(run)
+    if model is None or (run / "resume.pt").exists():
+        return training_seconds(run)
+    try:
+        return float(checkpoint.load(model, "cpu")["seconds"])
+    except (KeyError, TypeError, ValueError):
+        raise ConfigError(f"{model}: does not say how long the training took") from None
+
+
 def ship_policy(model: Path, folder: Path) -> Path:
     """Copy the policy of checkpoint `model` to `folder`, with the configuration and provenance of its run; return it."""
-    content = checkpoint.load(model, "cpu")
+    content, seconds = checkpoint.load(model, "cpu"), duration(model.parent)
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     policy = checkpoint.as_policy(content)["actor_state_dict"]
-    checkpoint.save({"actor_state_dict": policy, "iter": content["iter"]}, folder / model.name)
+    checkpoint.save({"actor_state_dict": policy, "iter": content["iter"], "seconds": seconds}, folder / model.name)
     # The folder of the run means nothing elsewhere.
     yaml_files.write_yaml(folder / "config.yaml", yaml_files.read_yaml(model.parent / "config.yaml") | {"resume": None})
     starts = provenance.starts(model.parent)

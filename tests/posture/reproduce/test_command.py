@@ -1,6 +1,7 @@
 """The whole paper in one command, at tiny size: what it writes, what it skips, and which input it refuses."""
 
 import os
+import shutil
 import signal
 import sys
 import threading
@@ -12,7 +13,7 @@ import pytest
 from posture.cli import signals
 from posture.reproduce.__main__ import run
 from posture.reproduce.experiments import TRAININGS
-from posture.reproduce.ship import ship
+from posture.reproduce.ship import archive, duration, ship
 from posture.storage import run_dir
 from tests.commands import TINY, call, refused, table
 
@@ -89,6 +90,29 @@ def test_shipped_policies_are_small_and_can_be_evaluated(reproduced, monkeypatch
     call(monkeypatch, "eval", "ckpt=pretrained/energy_weight-5", "out=a", "evaluation.freq=[0.4]", *trial)
     (original,) = (reproduced / "runs" / "energy").glob("energy_weight-5_*")
     assert table(Path("a/metrics.csv")) == table(original / "evaluation" / "metrics.csv")
+
+
+def test_archived_policies_are_not_trained_again(monkeypatch, capsys, tmp_path):
+    from posture.cli.jobs import check
+    from posture.config.train import TrainConfig
+
+    monkeypatch.chdir(tmp_path)
+    trainings = ["-m", "experiment=frequency", "seed=1", *TINIER]
+    call(monkeypatch, "train", *trainings)
+    jobs = check("train", TrainConfig, [*trainings]).jobs
+    jobs += check("train", TrainConfig, [*trainings, "env.hip_k=60"]).jobs  # not done
+    trained = jobs[0].folder
+    before, seconds = table(trained / "evaluation" / "metrics.csv"), duration(trained)
+    (made,) = archive({"frequency": jobs}, Path("report/policies"))
+    assert made == Path("report/policies/frequency") / trained.name
+    assert sorted(path.name for path in made.iterdir()) == ["config.yaml", "model_2.pt", "provenance.yaml"]
+    shutil.rmtree("runs")
+    shutil.copytree("report/policies", "runs")
+    capsys.readouterr()
+    call(monkeypatch, "train", *trainings)
+    assert "already trained" in capsys.readouterr().out
+    assert table(trained / "evaluation" / "metrics.csv") == before
+    assert duration(trained) == seconds > 0
 
 
 @pytest.mark.parametrize(

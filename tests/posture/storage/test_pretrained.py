@@ -1,16 +1,20 @@
-"""The policies that come with the package: evaluated again, they give the numbers of the published results."""
+"""The policies that come with the package, and the published results: of this code, and the same when evaluated again."""
 
 import math
+import sys
 from pathlib import Path
 
 import pytest
 
 from posture.analysis.results import read_csv
+from posture.storage import provenance, yaml_files
 from posture.storage.run_dir import PRETRAINED, is_run, newest_model, read_config
 from tests.commands import call, refused
 
 SHIPPED_SEED = 1  # conf/report.yaml
-TABLES = Path(__file__).parents[3] / "results" / "reproduction" / "tables"
+REPRODUCTION = Path(__file__).parents[3] / "results" / "reproduction"
+TABLES = REPRODUCTION / "tables"
+PYTHON = (3, 11)  # of the published results; digests of code differ between minor versions of Python
 COMPARED = ("hip_ankle_r", "target_head_r", "head_amplitude_m", "energy_j", "cost")
 # Another processor rounds differently, and the differences grow over a hundred seconds of feedback with soft contact.
 TOLERANCE = 0.01
@@ -39,6 +43,19 @@ def test_a_shipped_policy_is_small_and_has_its_provenance(folder):
     assert sum(path.stat().st_size for path in folder.iterdir()) < 60_000
     run = read_config(folder)
     assert run.seed == SHIPPED_SEED and newest_model(folder).name == f"model_{run.max_iterations}.pt"
+
+
+@pytest.mark.skipif(sys.version_info[:2] != PYTHON, reason="digests are of another version of Python")
+@pytest.mark.parametrize("folder", shipped(), ids=lambda path: path.name)
+def test_a_shipped_policy_was_trained_by_this_code(folder):
+    """Whoever changes code that determines a training trains again: `make reproduce`, then stages=[report,ship]."""
+    assert {start["training_code"] for start in provenance.starts(folder)} == {provenance.training_code()}
+
+
+@pytest.mark.skipif(sys.version_info[:2] != PYTHON, reason="digests are of another version of Python")
+def test_the_published_results_are_of_this_code():
+    made_by = yaml_files.read_yaml(REPRODUCTION / "provenance.yaml")
+    assert made_by == {"training_code": [provenance.training_code()], "analysis_code": provenance.analysis_code()}
 
 
 @pytest.mark.parametrize(
