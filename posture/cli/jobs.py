@@ -50,10 +50,14 @@ JOB_FILES = ("status.yaml", "error.txt", "log.txt", ".lock")
 
 @dataclass(frozen=True)
 class Job:
-    """One job: its checked configuration, and its folder; that of an evaluation without `out` is the working directory."""
+    """One job: its checked configuration, and its folder; that of an evaluation without `out` is the working directory.
+
+    own: the overrides in which it differs from the other jobs of its sweep.
+    """
 
     config: BaseModel
     folder: Path
+    own: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -177,7 +181,8 @@ def _check_sweep(
             raise ConfigError("resume continues one run: not together with -m")
         if sweeper == "optuna" and not getattr(config, "evaluate", True):
             raise ConfigError("evaluate=false: a search compares evaluations")
-        jobs.append(Job(config, Path(composed.hydra.sweep.dir) / composed.hydra.sweep.subdir))
+        differs = tuple(override for override in own if override.partition("=")[0].lstrip("+") in named)
+        jobs.append(Job(config, Path(composed.hydra.sweep.dir) / composed.hydra.sweep.subdir, differs))
     if sweeper == "basic":
         _check_folders(jobs, Path(common.hydra.sweep.dir))
     _check_effect([job.config for job in jobs], parsed)

@@ -12,6 +12,7 @@ import shlex
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +32,8 @@ from posture.reproduce.page import text
 from posture.storage import run_dir
 
 REPORT_EVERY_S = 60.0
+POLL_S = 0.1
+"""Pause between two looks at the commands that run [s]."""
 
 
 @dataclass(frozen=True)
@@ -96,9 +99,18 @@ def make_plan(config: ReproduceConfig) -> Plan:
 
 
 def train(plan: Plan, config: ReproduceConfig, progress: SweepProgress) -> bool:
-    """Run the trainings that are not done, with a progress line at intervals; return whether a sweep failed."""
+    """Run the trainings that are not done, with a progress line at intervals; return whether a sweep failed.
+
+    A sweep of one job, or of an odd number, would leave cores idle. With joblib the jobs of all experiments are therefore
+    run first, each by a command of its own; the sweeps then find them done, and evaluate where that is missing.
+    """
     failed = False
     with report_periodically(progress, "whole", REPORT_EVERY_S):
+        if config.launcher == "joblib":
+            missing = [(name, job) for name in config.experiments for job in plan.wanted[name] if fraction_done(job) < 1]
+            run_at_once(
+                [Start("train", [*training(name, config), *job.own], job.folder) for name, job in missing], config.parallel
+            )
         for name in config.experiments:
             seeds = sorted({_seed(job) for job in plan.wanted[name]})
             failed |= run("train", [*training(name, config), *_launcher(config), f"seed={','.join(map(str, seeds))}"])
@@ -162,21 +174,53 @@ def commands(config: ReproduceConfig) -> list[str]:
     return [shlex.join(line) for line in lines]
 
 
+@dataclass(frozen=True)
+class Start:
+    """A start of `python -m posture.<name>` with `arguments`. folder: where log.txt takes its output; None: the terminal."""
+
+    name: str
+    arguments: Sequence[str]
+    folder: Path | None = None
+
+    def begin(self) -> subprocess.Popen[bytes]:
+        """Print the command, and start it."""
+        command = ["-m", f"posture.{self.name}", *self.arguments]
+        print(f"$ python {shlex.join(command)}", flush=True)
+        if self.folder is None:
+            return subprocess.Popen([sys.executable, *command])
+        self.folder.mkdir(parents=True, exist_ok=True)
+        with (self.folder / "log.txt").open("ab") as log:
+            return subprocess.Popen([sys.executable, *command], stdout=log, stderr=log)
+
+
 def run(name: str, arguments: Sequence[str]) -> bool:
-    """Print and run `python -m posture.<name>` with `arguments`; whether it failed. It ends before a signal ends this."""
-    command = ["-m", f"posture.{name}", *arguments]
-    print(f"$ python {shlex.join(command)}", flush=True)
-    with subprocess.Popen([sys.executable, *command]) as child:
+    """Print and run `python -m posture.<name>` with `arguments`; whether it failed."""
+    return run_at_once([Start(name, arguments)], 1)
+
+
+def run_at_once(commands: Sequence[Start], most: int) -> bool:
+    """Run `commands`, `most` of them at the same time; whether one failed. They end before a signal ends this."""
+    waiting, running, failed = list(commands), list[subprocess.Popen[bytes]](), False
+    try:
+        while waiting or running:
+            while waiting and len(running) < most:
+                running.append(waiting.pop(0).begin())
+            time.sleep(POLL_S)
+            ended = [child for child in running if child.poll() is not None]
+            failed |= any(child.returncode for child in ended)
+            running = [child for child in running if child not in ended]
+    except signals.Stopped as stop:
         try:
-            return child.wait() != 0
-        except signals.Stopped as stop:
-            if stop.number != signal.SIGINT:  # Ctrl-C reaches both
-                child.send_signal(stop.number)
-            try:
+            for child in running:
+                if stop.number != signal.SIGINT:  # Ctrl-C reaches all
+                    child.send_signal(stop.number)
+            for child in running:
                 child.wait()  # it saves
-            except signals.Stopped:
+        except signals.Stopped:
+            for child in running:
                 child.kill()
-            raise
+        raise
+    return failed
 
 
 def _launcher(config: ReproduceConfig) -> list[str]:

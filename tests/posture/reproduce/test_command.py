@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from posture.cli import signals
-from posture.reproduce.__main__ import run
+from posture.reproduce.__main__ import Start, run, run_at_once
 from posture.reproduce.experiments import TRAININGS
 from posture.reproduce.ship import archive, duration, ship
 from posture.storage import run_dir
@@ -149,15 +149,45 @@ def test_bad_input(monkeypatch, capsys, tmp_path, argument, expected):
     assert not Path("runs").exists()
 
 
+def in_place_of_python(monkeypatch, program):
+    """Let commands run this shell program, whose third argument is their first."""
+    Path("python").write_text(f"#!/bin/sh\n{program}\n")
+    Path("python").chmod(0o755)
+    monkeypatch.setattr(sys, "executable", os.path.abspath("python"))
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX only")
+def test_commands_run_two_at_the_same_time(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    in_place_of_python(
+        monkeypatch, "mkdir $3; ls -d job* | wc -l >> counts; echo hello; sleep 0.3; rmdir $3; [ $3 != job3 ]"
+    )
+    starts = [Start("train", [f"job{number}"], Path(f"log{number}")) for number in range(5)]
+    assert run_at_once(starts, 2)  # one of them fails
+    assert max(map(int, Path("counts").read_text().split())) == 2
+    assert all((start.folder / "log.txt").read_text() == "hello\n" for start in starts)
+    assert not run_at_once(starts[:3], 2)
+
+
+def test_a_job_can_be_run_by_a_command_of_its_own(monkeypatch, tmp_path):
+    """With the overrides in which it differs from its sweep it has the same configuration and folder."""
+    from posture.cli.jobs import check
+    from posture.config.train import TrainConfig
+
+    monkeypatch.chdir(tmp_path)
+    sweep = ["-m", "experiment=energy", "env.freq=0.5", "seed=1,2"]
+    jobs = check("train", TrainConfig, sweep).jobs
+    assert len(jobs) == 18 and jobs[3].own == ("env.energy_weight=5", "seed=2")
+    assert check("train", TrainConfig, [*sweep[:3], *jobs[3].own]).jobs == [jobs[3]]
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX only")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP] if sys.platform != "win32" else [])
 def test_a_signal_is_passed_on_and_the_training_may_save(monkeypatch, tmp_path, number):
     """By a program in place of a training that takes a moment to save."""
     monkeypatch.chdir(tmp_path)
     program = "trap 'sleep 0.3; touch saved; exit 1' TERM HUP; touch started; while true; do sleep 0.05; done"
-    Path("python").write_text(f"#!/bin/sh\n{program}\n")
-    Path("python").chmod(0o755)
-    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    in_place_of_python(monkeypatch, program)
     monkeypatch.setattr(signals, "_hung_up", False)
 
     def stop():
