@@ -29,6 +29,7 @@ from posture.config.reproduce import ReproduceConfig
 from posture.config.train import TrainConfig
 from posture.reproduce.experiments import EVALUATIONS, OF_SEVERAL_SEEDS, TRAININGS
 from posture.reproduce.page import text
+from posture.reproduce.ship import archive, ship
 from posture.storage import run_dir
 
 REPORT_EVERY_S = 60.0
@@ -68,8 +69,6 @@ def reproduce(config: ReproduceConfig, folder: Path) -> None:
     if "report" in config.stages or "ship" in config.stages:
         report(plan, config, folder)
     if "archive" in config.stages:
-        from posture.reproduce.ship import archive  # imported here because torch is slow
-
         archive(plan.trainings, folder / "policies")
     if "train" in config.stages:
         failed |= not print_summary(wanted, progress.done_before)
@@ -124,7 +123,6 @@ def report(plan: Plan, config: ReproduceConfig, folder: Path) -> None:
     from posture.reproduce.collect import collect
     from posture.reproduce.page.provenance import warnings
     from posture.reproduce.page.report import write_report
-    from posture.reproduce.ship import ship
 
     paper = read_published()
     reproduction = collect(plan.trainings, plan.evaluations, config.search, paper, folder)

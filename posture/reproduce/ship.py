@@ -14,7 +14,6 @@ from posture.cli.jobs import Job
 from posture.cli.sweep import fraction_done
 from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
-from posture.learning.resume import training_seconds
 from posture.storage import checkpoint, provenance, run_dir, yaml_files
 from posture.storage.run_dir import PRETRAINED
 
@@ -48,6 +47,8 @@ def duration(run: Path) -> float:
     """How long a training took [s]; also of a folder that `ship_policy` made. Raises ConfigError if that is not there."""
     model = run_dir.newest_model(run)
     if model is None or (run / "resume.pt").exists():
+        from posture.learning.resume import training_seconds  # imported here because torch is slow
+
         return training_seconds(run)
     try:
         return float(checkpoint.load(model, "cpu")["seconds"])
