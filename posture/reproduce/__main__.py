@@ -101,7 +101,8 @@ def train(plan: Plan, config: ReproduceConfig, progress: SweepProgress) -> bool:
     """Run the trainings that are not done, with a progress line at intervals; return whether a sweep failed.
 
     A sweep of one job, or of an odd number, would leave cores idle. With joblib the jobs of all experiments are therefore
-    run first, each by a command of its own; the sweeps then find them done, and evaluate where that is missing.
+    run first, each by a command of its own. The sweeps then find them done, evaluate where that is missing, and try again
+    what failed.
     """
     failed = False
     with report_periodically(progress, "whole", REPORT_EVERY_S):

@@ -32,7 +32,7 @@ def ship(jobs: Iterable[Job], seed: int, into: Path = PRETRAINED) -> list[Path]:
 
 
 def archive(jobs: Mapping[str, Sequence[Job]], into: Path) -> list[Path]:
-    """Copy the policies of those `jobs` that are done to `into`/<experiment>/<job>; they replace earlier ones."""
+    """Copy the policies of those `jobs` that are done to `into`/<experiment>/<job>; they replace those of the same jobs."""
     archived = []
     for experiment, own in jobs.items():
         for job in own:
