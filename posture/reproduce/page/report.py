@@ -78,6 +78,7 @@ def _sections(
         text.HOW_TO_READ.format(**numbers),
         tables.verdict_table(claims),
         tables.target_table(targets(results, paper, reproduction.transitions, report)),
+        text.STRICTER,
     ]
     published: list[str | page.Table] = []
     if reproduction.recipes:

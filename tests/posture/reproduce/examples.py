@@ -86,7 +86,7 @@ def frequency_result(hz: float, seed: int = 1, switch_hz: float = 0.69, amplitud
         cop_p05_m=-0.01 * hz,
         cop_p50_m=0.02,
         cop_p95_m=0.05 + 0.03 * hz,
-        cost_ratio=1.1,
+        cost_ratio=1.04,
         least=LeastCost(
             hip_ankle_r=float(np.tanh(3 * (0.66 - hz))), head_amplitude_m=0.075, head_speed_mps=0.3 * hz, phase_mean_deg=0.0
         ),
