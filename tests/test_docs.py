@@ -42,7 +42,7 @@ FIGURES = {
     "results/film/": "film",
     "docs/theory_map.png": "theory",
     "docs/people_group.png": "analyse",
-    "docs/dynamics.png": "dynamics",
+    "results/reproduction/dynamics/": "dynamics",
     "results/reproduction/figures/": "reproduce",
 }
 
