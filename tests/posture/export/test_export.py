@@ -194,9 +194,9 @@ def test_onnx_gives_the_actions_of_the_policy(session, shipped):
     normaliser = policy.obs_normalizer
     draw = torch.Generator().manual_seed(7)
     for count in (1, 3, 1000):
-        seen = normaliser.mean + 2.0 * normaliser.std * torch.randn(count, 17, generator=draw)
+        seen = normaliser.mean + 2.0 * normaliser.std * torch.randn(count, 18, generator=draw)
         with torch.inference_mode():
-            expected = policy({"policy": seen}).numpy()
+            expected = policy({"policy": seen[:, :16], "target_motion": seen[:, 16:]}).numpy()
         (given,) = session.run(None, {"observation": seen.numpy()})
         assert given.shape == (count, 2) and given.dtype == np.float32
         assert np.abs(given - expected).max() < 1e-5
@@ -207,7 +207,7 @@ def test_onnx_against_the_network_in_numpy(session, shipped):
     """In double precision: (x - mean) / (std + 0.01), then affine layers with x sigmoid(x) between them."""
     model, _, _ = shipped
     weights = {name: value.double().numpy() for name, value in checkpoint.load(model, "cpu")["actor_state_dict"].items()}
-    seen = np.random.default_rng(3).normal(weights["obs_normalizer._mean"], weights["obs_normalizer._std"], (50, 17))
+    seen = np.random.default_rng(3).normal(weights["obs_normalizer._mean"], weights["obs_normalizer._std"], (50, 18))
     x = (seen - weights["obs_normalizer._mean"]) / (weights["obs_normalizer._std"] + 0.01)
     for layer in (0, 2, 4):
         x = x @ weights[f"mlp.{layer}.weight"].T + weights[f"mlp.{layer}.bias"]
@@ -224,8 +224,12 @@ def test_rollout_with_onnxruntime(session, shipped):
     def roll_out(act):
         return rollout(HeadTrackingEnv(trial, run.seed, "cpu"), act, torch.tensor(FREQ, dtype=torch.float64), 1.66)
 
+    def onnx(seen):
+        observation = torch.cat([seen["policy"], seen["target_motion"]], dim=1)
+        return torch.from_numpy(session.run(None, {"observation": observation.numpy()})[0])
+
     one = roll_out(policy)
-    other = roll_out(lambda seen: torch.from_numpy(session.run(None, {"observation": seen["policy"].numpy()})[0]))
+    other = roll_out(onnx)
     assert len(one.time) == 100 and np.ptp(one.joint_angle, axis=0).min() > 0.01
     for name in ("joint_angle", "joint_velocity", "head_x", "cop_x"):
         np.testing.assert_allclose(getattr(other, name), getattr(one, name), atol=1e-4, err_msg=name)
@@ -244,8 +248,8 @@ def test_metadata_of_the_onnx_file(exported, shipped):
         ("hip_angle_mean", "rad"), ("ankle_angle_mean", "rad"), ("hip_velocity_mean", "rad/s"),
         ("ankle_velocity_mean", "rad/s"), ("torso_pitch", "rad"), ("torso_vx", "m/s"), ("torso_vz", "m/s"),
         ("torso_wy", "rad/s"), ("feet_x_mean", "m"), ("feet_z_mean", "m"), ("head_x", "m"), ("head_vx", "m/s"),
-        ("hip_last_action", "1"), ("ankle_last_action", "1"), ("target_x", "m"), ("target_vx", "m/s"),
-        ("target_x_minus_head_x", "m"),
+        ("hip_last_action", "1"), ("ankle_last_action", "1"), ("target_x", "m"), ("target_x_minus_head_x", "m"),
+        ("target_vx", "m/s"), ("target_ax", "m/s2"),
     ]  # fmt: skip
     assert float(metadata["torque_limit_nm"]) == 100.0 and float(metadata["control_dt_s"]) == 0.0166
     assert not (exported / "out" / "policy.onnx.data").exists()  # the weights are inside

