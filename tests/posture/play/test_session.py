@@ -67,9 +67,6 @@ def test_says_which_settings_the_policy_was_not_trained_on(session):
     assert "trained" not in session.message
 
 
-@pytest.mark.xfail(
-    strict=True, reason="the policy of seed 1 falls at 200 Nm/rad and 1.35 Hz and faster (docs/many_bodies.md)"
-)
 def test_every_slider_of_the_page_is_within_what_its_first_policy_was_trained_on(body):
     config = composed("play", PlayConfig, ())
     page = Session(config, policy_choices(config.ckpt, config.lqr), body, InlineWorker())
