@@ -9,6 +9,7 @@ python -m posture.play record=out.html                   # no page: one file tha
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,15 +27,19 @@ def play(config: PlayConfig, folder: Path) -> None:
     from posture.play.address import check_port
     from posture.storage import run_dir
 
-    # What is slow to import is imported after the checks.
-    if config.record is not None:
+    if config.record is None:
+        check_port(config.port)
+    else:
         path = recording_path(config.record, folder)
         run_dir.writable(path.parent, path.name)
+    # What is slow to import is imported after these checks.
+    with signals.blocked():  # an exception while torch imports its C++ parts would abort the process
+        import_module("torch")
+    if config.record is not None:
         from posture.play.recording import record
 
         record(config, path)
         return
-    check_port(config.port)
     from posture.play.server import serve
 
     serve(config)
