@@ -21,8 +21,6 @@ from shared import compose
 from envs.task.head_tracking import HeadTrackingEnv
 from posture.learning.learner import Learner
 
-TABLE_2 = 0.002
-"""The paper's KL threshold."""
 SETTLED = 10
 """Iterations before the first one that counts."""
 
@@ -30,7 +28,7 @@ SETTLED = 10
 def measure(learner: Learner, one_epoch: bool) -> list[float]:
     """Let `learner` compare with the policy of one epoch earlier if `one_epoch`.
 
-    Returns a list to which each mini-batch of a last epoch adds the KL divergence from the policy that took the samples.
+    Returns a list to which each batch of a last epoch adds the KL divergence from the policy that took the samples [nat].
     """
     changes: list[float] = []
     mini_batches = learner.alg.storage.mini_batch_generator
@@ -52,12 +50,12 @@ def measure(learner: Learner, one_epoch: bool) -> list[float]:
 
 
 def row(threshold: float, one_epoch: bool, iterations: int, worlds: int) -> str:
-    """One training: its mean change in an iteration."""
+    """One training: its mean change in an iteration, a KL divergence [nat], after the first `SETTLED` ones."""
     config = compose("experiment=as_published", f"env.num_envs={worlds}", f"agent.algorithm.desired_kl={threshold}")
-    torch.set_num_threads(1)
-    torch.manual_seed(1)
+    torch.set_num_threads(config.threads)
+    torch.manual_seed(config.seed)
     with tempfile.TemporaryDirectory() as folder:
-        env = HeadTrackingEnv(config.env, 1, "cpu")
+        env = HeadTrackingEnv(config.env, config.seed, "cpu")
         learner = Learner(env, config.agent, Path(folder), "cpu")
         changes = measure(learner, one_epoch)
         learner.train(iterations)
@@ -67,12 +65,15 @@ def row(threshold: float, one_epoch: bool, iterations: int, worlds: int) -> str:
 
 def main() -> None:
     """Print a row for the authors' measure and threshold, and one for each threshold of rsl-rl."""
+    published, own = (
+        compose(chosen).agent.algorithm.desired_kl for chosen in ("agent=ppo_paper", "experiment=as_published")
+    )
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--iterations", type=int, default=100)
     parser.add_argument("--worlds", type=int, default=512)
-    parser.add_argument("--threshold", type=float, nargs="+", default=[TABLE_2, 0.004])
+    parser.add_argument("--threshold", type=float, nargs="+", default=[published, own])
     asked = parser.parse_args()
-    cases = [(TABLE_2, True), *((threshold, False) for threshold in asked.threshold)]
+    cases = [(published, True), *((threshold, False) for threshold in asked.threshold)]
     print("\n".join([row(*case, asked.iterations, asked.worlds) for case in cases]))
 
 
