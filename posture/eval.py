@@ -50,7 +50,8 @@ def evaluate_all(config: EvalConfig, job: Path) -> None:
     from posture.evaluation.trial import evaluate, origin
 
     several = len(models) > 1 or in_experiment
-    name = "_".join(["metrics", *([] if own else differences(runs[0], config))])
+    changes = [] if own else [differences(run, config) for run in runs]
+    name = "_".join(["metrics", *next(filter(None, changes), [])])
     table = (job if own else Path(config.ckpt)) / f"{name}.csv"
     if several:
         run_dir.writable(table.parent, table.name)

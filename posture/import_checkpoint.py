@@ -10,6 +10,7 @@ from pathlib import Path
 from posture.cli import entry
 from posture.config.errors import ConfigError
 from posture.config.import_checkpoint import ImportConfig
+from posture.config.reading import read
 from posture.config.train import TrainConfig
 from posture.storage import provenance, run_dir
 from posture.storage.lock import locked
@@ -34,7 +35,7 @@ def import_checkpoint(config: ImportConfig, folder: Path) -> None:
         raise ConfigError(f"{file}: iter = {index!r:.50}: allowed is the index of an iteration, as rsl-rl saves it")
     done = index + 1
     values = config.model_dump(exclude={"file"}) | {"max_iterations": done}
-    run = TrainConfig.model_validate(values)
+    run = read(TrainConfig, values, str(file))
     load_network(content, run, "actor", file)
     load_network(content, run, "critic", file)
     with locked(folder):

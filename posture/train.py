@@ -64,7 +64,9 @@ def _train(config: TrainConfig, folder: Path) -> float | None:
     with _background(config, folder) as background:
         ended = background is not None and background.catch_up(done)
         if ended and config.resume is not None:
-            raise ConfigError(f"patience = {config.patience} ended it after {done} iterations; allowed is more, or null")
+            raise ConfigError(
+                f"patience = {config.patience} ended this training after {done} iterations; allowed is more, or null"
+            )
         if done < config.max_iterations and not ended:
             with parallel.worker_processes(config.processes, config.device, _learn, config, folder, done > 0, steps):
                 _learn(config, folder, done > 0, steps, background)
@@ -145,7 +147,7 @@ def _learn(
         if resume:
             learner.resume()
             if rank == 0:
-                provenance.write_config(folder, config)  # after `resume` has accepted the checkpoint
+                provenance.write_config(folder, config, resumed=True)  # after `resume` has accepted the checkpoint
     if rank == 0 and env.infeasible_share:
         print(f"not drawn: {env.infeasible_share:.2%} of env.ranges, which the limits of torque and foot do not allow")
     if rank == 0:
@@ -180,8 +182,8 @@ def _differences(source: TrainConfig, own: TrainConfig, name: str) -> str:
         for one in (source, own)
     )
     if seen != wanted:
-        extra = f" ({', '.join(sorted({*seen} ^ {*wanted}))})" if {*seen} != {*wanted} else " in their order"
-        return f"other observations than this training{extra}"
+        extra = f" ({', '.join(sorted({*seen} ^ {*wanted}))})" if {*seen} != {*wanted} else ""
+        return f"other observations than this training{extra}" if extra else "its observations in another order"
     layers = [
         getattr(one.agent, name).model_dump(mode="json", exclude={"distribution_cfg": {"init_std", "std_range"}})
         for one in (source, own)

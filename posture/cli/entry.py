@@ -76,11 +76,10 @@ def run(
                     return
                 progress = sweep.SweepProgress([] if command.search else command.jobs)
                 _run_sweep(command, kind, task, progress)
+            done = sweep.trials(command.jobs[0].folder.parent) if command.search else command.jobs
         except _BAD_INPUT as error:
             _refuse(error)
-    if not sweep.print_summary(
-        sweep.trials(command.jobs[0].folder.parent) if command.search else command.jobs, progress.done_before
-    ):
+    if not sweep.print_summary(done, progress.done_before):
         sys.exit(1)
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from envs.config import EnvConfig, Freq, Ramp, Seconds, Strict
-from posture.config.checks import CommandConfig, PathText
+from posture.config.checks import CommandConfig, PathText, listed
 from posture.config.eval import EvaluationConfig, one_body
 
 UNUSED = (
@@ -16,18 +16,16 @@ UNUSED = (
 """Keys of `env` that the prediction does not depend on."""
 
 
-def _listed(value: object) -> object:
-    """One path as a list of one."""
-    if value is None:
-        return ()
-    return (value,) if isinstance(value, str) else value
+def _paths(value: object) -> object:
+    """One path as a list of one; none as an empty list, which the command refuses with an example."""
+    return () if value is None else listed(value)
 
 
 def _names(value: object) -> object:
     """One name as a list of one."""
     if value is None:
         return None
-    names = (value,) if isinstance(value, str) else value
+    names = listed(value)
     if not isinstance(names, (list, tuple)) or not names or not all(isinstance(name, str) and name for name in names):
         raise ValueError(
             f"{value!s:.100}: allowed is the name of a column, or a list of names, in quotes if they have spaces"
@@ -71,7 +69,7 @@ class Scale(Strict):
 class AnalyseConfig(CommandConfig):
     """Configuration of `posture.analyse`."""
 
-    recording: Annotated[tuple[PathText, ...], BeforeValidator(_listed), Field(max_length=100_000)]
+    recording: Annotated[tuple[PathText, ...], BeforeValidator(_paths), Field(max_length=100_000)]
     subject: Annotated[str, AfterValidator(_expression)] | None
     freq: Freq | None
     ramp: Ramp | Literal["estimate"] | None

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field
 
-from envs.config import Physics, Strict
+from envs.config import Freq, Physics, Strict
 from posture.config.errors import ConfigError
 
 Share = Annotated[float, Field(gt=0, le=1)]
@@ -26,6 +26,16 @@ def _valid_path(text: str) -> str:
 
 PathText = Annotated[str, AfterValidator(_valid_path)]
 """A path that a file system allows, whether or not it exists."""
+
+
+def _rising(search: tuple[float, float]) -> tuple[float, float]:
+    if not search[0] < search[1]:
+        raise ValueError(f"a range goes from low to high, got {list(search)}")
+    return search
+
+
+Search = Annotated[tuple[Freq, Freq], AfterValidator(_rising)]
+"""Range of frequencies [Hz] in which theory's transition is looked for."""
 
 
 def listed(value: object) -> object:

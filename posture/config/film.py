@@ -1,10 +1,11 @@
 """Configuration of the films; values, units and sources in conf/film.yaml."""
 
+import math
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from envs.config import Freq, Ramp
+from envs.config import Freq, Ramp, check_once
 from posture.config.checks import CommandConfig, PathText, check_engine
 from posture.config.eval import EnvChanges
 
@@ -40,6 +41,12 @@ class FilmConfig(CommandConfig):
     fps: Annotated[float, Field(ge=5, le=50)]
     width: Annotated[int, Field(ge=60, le=1920, multiple_of=2)]
 
+    @property
+    def two_modes_duration(self) -> float:
+        """Duration of the film `two_modes` [s]: whole cycles of the slowest target, at least `shortest`."""
+        slowest = min(self.env.freq)
+        return math.ceil(self.shortest * slowest - 1e-9) / slowest
+
     def without_effect(self) -> dict[str, str]:
         """See `CommandConfig`."""
         keys = {"two_modes": ("env.freq", "settle", "shortest"), "ramp": ("env.ramp",)}
@@ -48,6 +55,8 @@ class FilmConfig(CommandConfig):
     @model_validator(mode="after")
     def _consistent(self) -> "FilmConfig":
         check_engine(self.env.physics, self.device)
+        check_once(self.films, "films")
+        check_once(self.formats, "formats")
         if "two_modes" in self.films:
             for freq in self.env.freq:
                 if freq > self.fps / FRAMES_A_CYCLE:
@@ -60,6 +69,11 @@ class FilmConfig(CommandConfig):
                         f"env.freq = {freq:g}: a cycle lasts {1 / freq:g} s, longer than a film; allowed is "
                         f"{1 / self.longest:g} Hz or more with longest = {self.longest:g}"
                     )
+            if self.two_modes_duration > self.longest:
+                raise ValueError(
+                    f"shortest = {self.shortest:g}: whole cycles of {min(self.env.freq):g} Hz for that long last "
+                    f"{self.two_modes_duration:g} s; allowed is up to longest = {self.longest:g} s"
+                )
         if "ramp" in self.films and self.env.ramp.duration > self.longest:
             raise ValueError(
                 f"env.ramp.duration = {self.env.ramp.duration:g}: allowed is up to longest = {self.longest:g} s"

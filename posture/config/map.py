@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from envs.config import Amplitude, AnkleStiffness, Freq, HipStiffness, Load, Strict, check_once
-from posture.config.checks import CommandConfig, PathText
+from posture.config.checks import CommandConfig, PathText, Search
 from posture.config.eval import EvaluationConfig
 
 MAX_TRIALS = 100_000
@@ -48,7 +48,7 @@ class MapConfig(CommandConfig):
     ckpt: PathText | Annotated[tuple[PathText, ...], Field(min_length=1)]
     device: str
     again: bool
-    search: tuple[Freq, Freq]
+    search: Search
     freq: Frequencies
     varied: Varied
     random: Annotated[int, Field(ge=0, le=MAX_TRIALS)]
@@ -62,8 +62,6 @@ class MapConfig(CommandConfig):
 
     @model_validator(mode="after")
     def _consistent(self) -> "MapConfig":
-        if not self.search[0] < self.search[1]:
-            raise ValueError(f"search: a range goes from low to high, got {list(self.search)}")
         for name, values in self.varied:
             check_once(values, f"varied.{name}")
         if any(amplitude <= self.evaluation.tolerance for amplitude in self.varied.amplitude):

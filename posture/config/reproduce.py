@@ -5,8 +5,9 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from envs.config import Amplitude, Freq, HipStiffness, Strict
-from posture.config.checks import CommandConfig
+from envs.config import Amplitude, Freq, HipStiffness, Strict, check_once
+from posture.config.checks import CommandConfig, Search, Share
+from posture.config.published import read_published
 
 NOT_OVERRIDDEN = ("experiment", "hydra", "out", "resume", "seed")
 """Keys of a training that the reproduction sets, or that have no place in it."""
@@ -24,7 +25,6 @@ def _override(text: str) -> str:
 
 Experiment = Literal["frequency", "energy", "hip_stiffness", "map", "human", "as_published", "as_run"]
 Stage = Literal["train", "evaluate", "report", "ship", "archive"]
-Share = Annotated[float, Field(gt=0, le=1)]
 Rho = Annotated[float, Field(gt=0, le=1)]
 Step = Annotated[float, Field(ge=0.001, le=100)]
 
@@ -57,6 +57,14 @@ class ClaimRules(Strict):
         ):
             if getattr(self, low) > getattr(self, high):
                 raise ValueError(f"{low} must not be above {high}, got {getattr(self, low):g} and {getattr(self, high):g}")
+        paper = read_published()
+        freqs, hip_k = sorted(paper.table_3.freq_hz)[:-1], paper.figure_13.hip_k_nm_per_rad
+        if self.high_freq_hz not in freqs:
+            raise ValueError(f"high_freq_hz = {self.high_freq_hz:g}: allowed are {', '.join(f'{freq:g}' for freq in freqs)}")
+        if self.soft_hip_k <= min(hip_k):
+            raise ValueError(f"soft_hip_k = {self.soft_hip_k:g}: allowed is more than Fig. 13's lowest, {min(hip_k):g}")
+        if self.stiff_hip_k >= max(hip_k):
+            raise ValueError(f"stiff_hip_k = {self.stiff_hip_k:g}: allowed is less than Fig. 13's highest, {max(hip_k):g}")
         return self
 
 
@@ -108,7 +116,7 @@ class ReproduceConfig(CommandConfig):
     stages: Annotated[tuple[Stage, ...], Field(min_length=1)]
     launcher: Literal["joblib", "basic", "submitit_local", "submitit_slurm"]
     parallel: Annotated[int, Field(ge=1, le=1024)]
-    search: tuple[Freq, Freq]
+    search: Search
     overrides: tuple[Annotated[str, AfterValidator(_override)], ...]
     report: ReportConfig
 
@@ -131,6 +139,5 @@ class ReproduceConfig(CommandConfig):
 
     @model_validator(mode="after")
     def _consistent(self) -> "ReproduceConfig":
-        if not self.search[0] < self.search[1]:
-            raise ValueError(f"search: a range goes from low to high, got {list(self.search)}")
+        check_once(self.experiments, "experiments")
         return self

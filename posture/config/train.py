@@ -74,9 +74,10 @@ class TrainConfig(CommandConfig):
             check_once(groups, f"agent.obs_groups.{network}")
             if not any(self.env.observations[group] for group in groups):
                 raise ValueError(f"agent.obs_groups.{network}: the groups {', '.join(groups)} of env.observations are empty")
-        if self.env.num_envs % self.processes:
-            raise ValueError(f"env.num_envs = {self.env.num_envs} cannot be shared equally among {self.processes} processes")
-        own = self.env.num_envs // self.processes * self.agent.num_steps_per_env
+        processes = self.processes if self.device == "cpu" else 1
+        if self.env.num_envs % processes:
+            raise ValueError(f"env.num_envs = {self.env.num_envs} cannot be shared equally among {processes} processes")
+        own = self.env.num_envs // processes * self.agent.num_steps_per_env
         parts = self.agent.algorithm.num_mini_batches
         if own < 2 * parts:
             raise ValueError(

@@ -25,8 +25,7 @@ CYCLE_POINTS = 101  # number of points of the angles over a cycle
 
 def two_modes(config: FilmConfig, model: Path, run: TrainConfig) -> Film:
     """The frequencies side by side, each from the start of a cycle on, for whole cycles of the slowest."""
-    slowest = min(config.env.freq)
-    length = math.ceil(config.shortest * slowest - 1e-9) / slowest
+    slowest, length = min(config.env.freq), config.two_modes_duration
     count = max(round(length * config.fps), 2)
     # The correlation at the first frame needs a whole cycle before it.
     starts = [math.ceil(max(config.settle, 1 / slowest) * freq) / freq for freq in config.env.freq]

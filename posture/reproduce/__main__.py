@@ -22,7 +22,7 @@ from hydra.core.global_hydra import GlobalHydra
 from posture.cli import entry, jobs, signals
 from posture.cli.jobs import Job
 from posture.cli.sweep import SweepProgress, fraction_done, print_summary, report_periodically
-from posture.config.errors import ConfigError
+from posture.config.errors import ConfigError, RunError
 from posture.config.eval import EvalConfig
 from posture.config.published import read_published
 from posture.config.reproduce import ReproduceConfig
@@ -47,8 +47,8 @@ class Plan:
 
 
 def reproduce(config: ReproduceConfig, folder: Path) -> None:
-    """Run the stages of `config`; the report goes into `folder`. Exits with 1 if a job failed; the report shows the results
-    so far."""
+    """Run the stages of `config`; the report goes into `folder`. Raises RunError if a job failed; the report shows the
+    results so far."""
     check_files(folder)
     plan = make_plan(config)
     if not {"train", "evaluate"} & set(config.stages):
@@ -73,7 +73,7 @@ def reproduce(config: ReproduceConfig, folder: Path) -> None:
     if "train" in config.stages:
         failed |= not print_summary(wanted, progress.done_before)
     if failed:
-        sys.exit(1)
+        raise RunError("a training or an evaluation failed, see above; the same command tries again")
 
 
 def check_files(folder: Path) -> None:
@@ -149,14 +149,15 @@ def training(name: str, config: ReproduceConfig) -> list[str]:
 def evaluation(name: str, config: ReproduceConfig) -> list[str]:
     """Arguments of `python -m posture.eval` for one of `EVALUATIONS`."""
     trial = EVALUATIONS[name]
-    own = _of_evaluation(config, "freq" if name == "ramp" else "")  # it takes the place of the frequencies
+    own = _of_evaluation(config, "freq" if trial.experiment == "ramp" else "")  # it takes the place of the frequencies
     return ["-m", f"experiment={trial.experiment}", f"ckpt=runs/{trial.policies}", *own]
 
 
 def of_several_seeds(command: str, policies: Sequence[Job], config: ReproduceConfig, folder: Path) -> list[str]:
     """Arguments of one of `OF_SEVERAL_SEEDS` for the `policies`; its results go into the folder of the report."""
     own = _of_evaluation(config, "freq", "figures")
-    return [f"ckpt=[{','.join(str(job.folder) for job in policies)}]", "again=false", f"out={folder / command}", *own]
+    ckpt = ",".join(jobs.quoted(job.folder) for job in policies)
+    return [f"ckpt=[{ckpt}]", "again=false", f"out={jobs.quoted(folder / command)}", *own]
 
 
 def _of_evaluation(config: ReproduceConfig, *without: str) -> list[str]:

@@ -26,7 +26,7 @@ from posture.storage.migration import VERSION
 
 ROOT = Path(__file__).resolve().parents[2]
 TRAINING = ("envs/task", "envs/body", "envs/engines", "posture/learning")
-"""Packages that determine the result of a training."""
+"""Packages that determine the result of a training. With `env.ranges` the least costs of posture/theory do, too."""
 ANALYSIS = ("posture/analysis", "posture/dynamics", "posture/evaluation", "posture/map", "posture/theory")
 """Packages that determine the results of an evaluation and of the theory."""
 PRESENTATION = ("__main__.py", "figure.py", "figures.py", "progress.py", "table.py", "tables.py")
@@ -35,10 +35,11 @@ LIBRARIES = ("newton", "warp-lang", "mujoco", "mujoco-warp", "rsl-rl-lib", "torc
 """Libraries whose version decides a result."""
 
 
-def write_config(run: Path, config: TrainConfig, begun_from: Path | None = None) -> None:
-    """Save the resolved configuration in the folder `run`, and add this start to its provenance.yaml.
+def write_config(run: Path, config: TrainConfig, begun_from: Path | None = None, resumed: bool = False) -> None:
+    """Save the resolved configuration in the folder `run`, and this start in its provenance.yaml.
 
-    begun_from: the checkpoint whose weights this start took, if any.
+    begun_from: the checkpoint whose weights this start took, if any. resumed: the start goes on from earlier ones, which are
+    kept; without it they saved nothing, and are dropped.
     """
     yaml_files.write_yaml(run / "config.yaml", {"version": VERSION, **config.model_dump(mode="json")})
     start: dict[str, Any] = {
@@ -55,7 +56,8 @@ def write_config(run: Path, config: TrainConfig, begun_from: Path | None = None)
             "checkpoint": str(begun_from.absolute()),
             "sha256": hashlib.sha256(begun_from.read_bytes()).hexdigest(),
         }
-    yaml_files.write_yaml(run / "provenance.yaml", [*starts(run), start])
+    earlier = starts(run)
+    yaml_files.write_yaml(run / "provenance.yaml", [*earlier, start] if resumed else [start])
 
 
 def starts(run: Path) -> list[Any]:

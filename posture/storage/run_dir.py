@@ -97,8 +97,10 @@ def find_checkpoints(name: str | Sequence[str], wanted: Callable[[Path], bool] |
         return [path]
     elif path.is_dir():
         runs = [run for run in runs_in(path) if wanted is None or wanted(run)]
-        if not runs:
+        if not runs_in(path):
             raise ConfigError(f"{name}: neither a run folder (with config.yaml) nor a sweep of such folders")
+        if not runs:
+            raise ConfigError(f"{name}: no run in it is finished and of the current code; train them again")
     else:
         raise ConfigError(
             f"{name}: no such file or folder; allowed are a checkpoint, a run folder, a sweep folder, latest, or pretrained"

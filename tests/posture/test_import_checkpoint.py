@@ -61,6 +61,8 @@ def test_what_does_not_fit_is_refused_and_nothing_is_written(stock, monkeypatch,
     line = refused(monkeypatch, capsys, "import_checkpoint", f"file={stock}", "out=run", "processes=1")
     assert "processes: has no effect on an import" in line
     assert "posture.import_checkpoint" in refused(monkeypatch, capsys, "train", f"init={stock}")
+    torch.save(torch.load(stock, weights_only=True) | {"iter": 10_000_000}, "late.pt")
+    assert "max_iterations = 10000001" in refused(monkeypatch, capsys, "import_checkpoint", "file=late.pt", "out=run")
     assert not Path("run").exists()
 
 

@@ -9,6 +9,7 @@ import pytest
 import torch
 import yaml
 
+from posture.config.errors import ConfigError
 from posture.learning.learner import Learner
 from posture.storage import checkpoint
 from posture.train import _report_unfinished_schedules
@@ -104,7 +105,7 @@ def test_noise_below_its_bound_is_raised_to_it(run, monkeypatch):
         ),
         (
             ["agent.obs_groups.actor=[target_motion,policy]"],
-            "the actor of run has other observations than this training in th",
+            "the actor of run has its observations in another order",
         ),
         (["init=nowhere"], "nowhere: no such file or folder"),
     ],
@@ -142,3 +143,9 @@ def test_checkpoints_are_evaluated_only_where_they_are_saved(run, monkeypatch, c
     assert "without evaluate_every" in refused(monkeypatch, capsys, "train", *QUICK, "patience=3")
     line = refused(monkeypatch, capsys, "train", *QUICK, "agent.save_interval=1", "max_iterations=2", "evaluate_every=3")
     assert "evaluate_every = 3: allowed is at most max_iterations, 2" in line
+
+
+def test_on_a_gpu_the_standers_are_not_shared_among_processes():
+    assert compose("device=cuda", "env.num_envs=1001", "processes=2").env.num_envs == 1001
+    with pytest.raises(ConfigError, match="1001 cannot be shared equally among 2 processes"):
+        compose("env.num_envs=1001", "processes=2")

@@ -41,14 +41,14 @@ def training_table(trainings: Sequence[Training]) -> Table:
 def how_it_was_made(trainings: Sequence[Training], commands: Sequence[str]) -> str:
     """When, where and with which code and versions the trainings were made, and the commands that repeat everything."""
     starts = [start for training in trainings if training.done for start in training.starts]
-    days = sorted(start["started"][:10] for start in starts)
+    days = [start["started"][:10] for start in starts]
 
     def listed(values: set[str]) -> str:
         return ", ".join(sorted(values))
 
     return HOW_IT_WAS_MADE.format(
-        first=days[0],
-        last=days[-1],
+        first=min(days, default="-"),
+        last=max(days, default="-"),
         platforms=listed({start["platform"] for start in starts}),
         pythons=listed({start["python"] for start in starts}),
         versions=listed({f"{name} {version}" for start in starts for name, version in start["versions"].items()}),

@@ -16,6 +16,7 @@ from posture.reproduce.claims.evaluate import verdicts
 from posture.reproduce.claims.rules import Outcome
 from posture.reproduce.claims.targets import targets
 from posture.reproduce.claims.verdict import Transitions, Verdict, in_hz
+from posture.reproduce.experiments import EVALUATIONS, TRAININGS
 from posture.reproduce.figures.draw import draw_report
 from posture.reproduce.page import page, tables, text
 from posture.reproduce.page.findings import findings
@@ -30,7 +31,7 @@ def write_report(
     reproduction: Reproduction, paper: Published, report: ReportConfig, out: Path, commands: Sequence[str]
 ) -> Path:
     """Write report.html, summary.md, provenance.yaml, figures/ and tables/ (a CSV for each experiment, one of the verdicts)
-    into `out`.
+    into `out`. Tables and figures that an earlier report had and this one has not are removed.
 
     `commands`: those that produced the results. Returns the page's path.
     """
@@ -42,6 +43,10 @@ def write_report(
     for name, made in (("many_bodies", reproduction.many_bodies), ("dynamics", reproduction.dynamics)):
         if made:
             figures[name] = Path(shutil.copy(made.figure, out / "figures" / f"{name}.png"))
+    for name in {*TRAININGS, *EVALUATIONS} - reproduction.results.keys():
+        (out / "tables" / f"{name}.csv").unlink(missing_ok=True)
+    for name in text.FIGURES.keys() - figures.keys():
+        (out / "figures" / f"{name}.png").unlink(missing_ok=True)
     sections = _sections(reproduction, paper, report, claims, figures, commands)
     count = Counter(claim.verdict for claim in claims)
     outcomes = ", ".join(f"{count[outcome]} {outcome}" for outcome in Outcome if count[outcome])

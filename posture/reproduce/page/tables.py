@@ -205,7 +205,7 @@ def dynamics_table(dynamics: Dynamics) -> Table:
         value, low, high = _cells(row, dict.fromkeys(("value", "low", "high"), ".3g"))
         name = FINDINGS.get(row["name"], row["name"].replace("_", " "))
         rows.append([name, value, f"{low} to {high}", row["found"], row["people"] or "-"])
-    headings = ["", "value", "95 % interval", "meaning", "people, by the abstracts"]
+    headings = ["", "value", "95 % interval", "meaning", "people (from abstracts)"]
     seeds = plural(max((int(row["seeds"]) for row in dynamics.findings), default=0), "seed")
     return Table(headings, rows, f"Policies with senses and muscles of people, {seeds}", "lrrll")
 

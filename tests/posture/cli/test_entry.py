@@ -238,6 +238,10 @@ def test_a_sweep_makes_a_folder_a_job_and_eval_one_table(monkeypatch):
     rows = table(sweep / "metrics.csv")
     assert [float(row["hip_k_nm_per_rad"]) for row in rows] == [25.0, 25.0, 100.0, 100.0, 175.0, 175.0]
     assert len({row["run"] for row in rows}) == 3
+    # The first run has these hips anyway; the table is one of changed bodies all the same.
+    call(monkeypatch, "eval", f"ckpt={sweep}", "env.hip_k=25", *EVALUATION, *NO_FIGURES)
+    assert table(sweep / "metrics.csv") == rows
+    assert {row["hip_k_nm_per_rad"] for row in table(sweep / "metrics_hip_k-25.csv")} == {"25"}
 
 
 def test_two_runs_of_the_same_second_do_not_share_a_folder():

@@ -10,7 +10,9 @@ from joblib.externals.loky import get_reusable_executor
 
 from posture.cli.jobs import Job, check
 from posture.cli.sweep import SweepProgress, fraction_done, run_job, status
+from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
+from posture.eval import only_current
 from posture.storage import checkpoint, run_dir
 from posture.storage.lock import locked
 from tests.commands import CONSTANT, TINY, call, refused, same, table
@@ -135,6 +137,10 @@ def test_the_policies_of_a_sweep_in_every_experiment(monkeypatch, capsys):
     capsys.readouterr()
     call(monkeypatch, "eval", "-m", "experiment=load", "ckpt=runs/frequency", "env.load=4", *evaluation)
     assert capsys.readouterr().out.count("evaluated before") == 2
+    for run in Path("runs/frequency").glob("seed-*"):
+        (run / "status.yaml").write_text("state: failed\n")
+    with pytest.raises(ConfigError, match="runs/frequency: no run in it is finished and of the current code"):
+        run_dir.find_checkpoints("runs/frequency", only_current)
 
 
 # -- progress ---------------------------------------------------------------------------------------------------

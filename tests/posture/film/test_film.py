@@ -66,6 +66,11 @@ def test_one_or_several_frequencies():
         (["env.freq=fast"], "env.freq.0 = 'fast': must be a valid number"),
         (["env.freq=[]"], "env.freq = []: "),
         (["env.freq=[1,1,1,1,1]"], "at most 4"),
+        (
+            ["shortest=61"],
+            "shortest = 61: whole cycles of 0.15 Hz for that long last 66.6667 s; allowed is up to longest = 60 s",
+        ),
+        (["films=[ramp,ramp]"], "films: ramp appears 2 times"),
         (["env.ramp.duration=90"], "env.ramp.duration = 90: allowed is up to longest = 60 s"),
         (["ckpt=nowhere"], "nowhere: no such file or folder"),
         (["ckpt=pretrained/none"], "pretrained/none: no such policy"),

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from posture.cli import signals
-from posture.reproduce.__main__ import Start, run, run_at_once
+from posture.config.reproduce import ReproduceConfig
+from posture.reproduce.__main__ import Start, of_several_seeds, run, run_at_once
 from posture.reproduce.experiments import TRAININGS
 from posture.reproduce.ship import archive, duration, ship
 from posture.storage import run_dir
@@ -125,6 +126,14 @@ def test_archived_policies_are_not_trained_again(monkeypatch, capsys, tmp_path):
         ("report.claims.modes_share=75", "report.claims.modes_share = 75"),
         ("report.claims.rho_partly=0.9", "rho_partly must not be above rho_reproduced, got 0.9 and 0.8"),
         ("report.grid.amplitudes_m=[0.1,0.06]", "amplitudes_m must rise"),
+        (
+            "report.claims.high_freq_hz=1.1",
+            "allowed are 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.05, 1.2, 1.35",
+        ),
+        ("report.claims.high_freq_hz=1.5", "high_freq_hz = 1.5: allowed are"),
+        ("report.claims.soft_hip_k=25", "soft_hip_k = 25: allowed is more than Fig. 13's lowest, 25"),
+        ("report.claims.stiff_hip_k=200", "stiff_hip_k = 200: allowed is less than Fig. 13's highest, 200"),
+        ("experiments=[map,map]", "experiments: map appears 2 times"),
         ("overrides=['env.hip_k=-5']", "env.hip_k = -5"),
         ("stages=[report]", "no policy of frequency is done"),
         (
@@ -147,6 +156,30 @@ def test_bad_input(monkeypatch, capsys, tmp_path, argument, expected):
     monkeypatch.chdir(tmp_path)
     assert expected in refused(monkeypatch, capsys, "reproduce", argument)
     assert not Path("runs").exists()
+
+
+def test_every_evaluation_takes_the_frequencies_of_the_overrides(monkeypatch, capsys, tmp_path):
+    """But those in a ramp, which have no constant frequency. There is nothing to report yet, which is found later."""
+    monkeypatch.chdir(tmp_path)
+    overrides = "overrides=['evaluation.freq=[0.4,1.2]']"
+    assert "no policy of frequency is done" in refused(monkeypatch, capsys, "reproduce", "stages=[report]", overrides)
+
+
+def test_a_folder_may_have_any_name(monkeypatch, tmp_path):
+    """The commands that evaluate all seeds together get its path as it is."""
+    from posture.cli.jobs import check
+    from posture.config.map import MapConfig
+    from posture.config.train import TrainConfig
+
+    folder = tmp_path / "Müller (copy), a=b [1] 'x' $HOME"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    policies = check("train", TrainConfig, ["-m", "experiment=map"]).jobs
+    config = check("reproduce", ReproduceConfig, []).jobs[0].config
+    arguments = of_several_seeds("map", policies, config, folder / "report")
+    (job,) = check("map", MapConfig, arguments).jobs
+    assert job.folder == folder / "report" / "map"
+    assert list(job.config.ckpt) == [str(policy.folder) for policy in policies]
 
 
 def in_place_of_python(monkeypatch, program):

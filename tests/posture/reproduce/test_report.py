@@ -228,9 +228,13 @@ def test_the_page_is_whole(made: object) -> None:
 def test_a_map_of_other_policies_is_left_out(made: tuple[command.Plan, ReproduceConfig]) -> None:
     plan, config = made
     write_map(Path("mixed/map"), [*plan.wanted["map"], plan.wanted["frequency"][0]])
+    Path("mixed/figures").mkdir()
+    earlier = Path("mixed/figures/many_bodies.png")
+    earlier.touch()
     command.report(plan, config, Path("mixed"))
     summary = Path("mixed/summary.md").read_text(encoding="utf-8")
     assert "(`mixed/map`)" in summary and "One policy for many bodies:" not in summary
+    assert not earlier.exists()
 
 
 def test_results_of_other_code_are_left_out_and_named(

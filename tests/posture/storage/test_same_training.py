@@ -87,10 +87,13 @@ def test_other_code_or_libraries_are_another_training(run, monkeypatch, capsys):
     assert "begun with other code or libraries: training code 0123456789ab" in capsys.readouterr().out
 
 
-def test_a_folder_without_a_checkpoint_is_free(run):
+def test_a_folder_without_a_checkpoint_is_free(run, monkeypatch):
     for file in [*run.glob("model_*"), run / "resume.pt"]:
         file.unlink()
-    assert answer("train", *QUICK, f"hydra.run.dir={run}", "env.hip_k=60")[0] == 0
+    (start,) = provenance.starts(run)
+    yaml_files.write_yaml(run / "provenance.yaml", [start | {"training_code": "0123456789ab"}])
+    call(monkeypatch, "train", *QUICK, f"hydra.run.dir={run}", "env.hip_k=60")
+    assert provenance.other_code(run) == []  # the start that saved nothing does not count
 
 
 def test_checkpoints_without_the_state_of_their_training_are_kept(run, monkeypatch, capsys):
