@@ -46,11 +46,18 @@ def read_c3d(path: Path) -> Table:
         missing = np.asarray(content["data"]["meta_points"]["residuals"])[0] < 0  # (points, frames)
     except Exception as error:  # ezc3d raises what its parser meets
         text = " ".join(str(error).split())
+        if "MIPS" in text:
+            why = "is in the MIPS (SGI) format of C3D, which ezc3d cannot read; convert it to the Intel format"
+            raise refuse(path, why) from None
         raise refuse(path, f"is not a C3D file that ezc3d can read ({type(error).__name__}: {text:.100})") from None
     frames = points.shape[2]
-    if not frames or not rate > 0 or not labels:
-        raise refuse(path, f"has {frames} frames of {len(labels)} points at {rate:g} Hz")
-    first, last = struct.unpack("<HH", header[6:10])
+    if not frames:
+        raise refuse(path, "has no frames")
+    if not labels:
+        raise refuse(path, "has no points; at least one with a name in POINT:LABELS is needed")
+    if not rate > 0:
+        raise refuse(path, f"has a POINT:RATE of {rate:g} Hz; allowed is a sampling rate above 0")
+    first, last = struct.unpack("<HH", header[6:10])  # little-endian: ezc3d reads no other files
     if first <= last < _MOST_FRAMES and frames < last - first + 1:
         raise refuse(path, f"was cut short: it has {frames} of its {last - first + 1} frames")
     length, angle = (unit_of("".join(_texts(parameters["POINT"], name)[:1])) for name in ("UNITS", "ANGLE_UNITS"))

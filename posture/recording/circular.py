@@ -14,7 +14,8 @@ from posture.analysis.trajectory import Array
 
 
 def resultant_length(angles_deg: Array) -> float:
-    """Mean resultant length R, 0 (no common direction) .. 1 (all the same), of angles (N,) [deg]; nan of none."""
+    """Mean resultant length R, 0 (no common direction) .. 1 (all the same), of angles (N,) [deg]; nan if there
+    are none."""
     known = np.radians(angles_deg[np.isfinite(angles_deg)])
     return float(abs(np.exp(1j * known).mean())) if len(known) else math.nan
 
@@ -41,7 +42,7 @@ def mean_half_width(angles_deg: Array, confidence: float = 0.95) -> float:
 
 def rayleigh_p(angles_deg: Array) -> float:
     """Probability by chance of a resultant at least as long, if directions are uniform, for angles (N,) [deg]: the Rayleigh
-    test, in the approximation of Zar's equation 27.4. nan of none."""
+    test, in the approximation of Zar's equation 27.4. nan if there are none."""
     n = int(np.count_nonzero(np.isfinite(angles_deg)))
     if not n:
         return math.nan

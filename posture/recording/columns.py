@@ -257,7 +257,13 @@ def _time(table: Table, found: Mapping[int, Array], places: Sequence[int], confi
     (place,) = places if len(places) == 1 else (None,)
     if place is None:
         raise refuse(table.path, "columns.time: allowed is one column")
-    unit = table.units[place]
+    name, unit = table.names[place], _typed_unit(table, place, "time", config) or table.units[place]
+    if unit and unit not in _FACTOR["time"]:
+        allowed = ", ".join(_FACTOR["time"])
+        raise refuse(
+            table.path,
+            f"column {name}, the time, is in {unit}; allowed are {allowed}; \"columns.time='{name} [s]'\" sets the unit",
+        )
     time = found[place] * _FACTOR["time"].get(unit, 1.0)
     missing, back = np.flatnonzero(np.isnan(time)), np.flatnonzero(~(np.diff(time) > 0))
     if len(missing):
@@ -266,11 +272,11 @@ def _time(table: Table, found: Mapping[int, Array], places: Sequence[int], confi
         sample = int(back[0]) + 1
         before, now = found[place][sample - 1], found[place][sample]
         raise ConfigError(f"{table.place(sample, place)}: {now:.10g} does not come after {before:.10g}, the time before it")
-    if unit not in _FACTOR["time"] and len(time) > 1 and (apart := np.median(np.diff(time))) >= SLOW:
+    if not unit and len(time) > 1 and (apart := np.median(np.diff(time))) >= SLOW:
         raise refuse(
             table.path,
-            f"nothing says the unit of column {table.names[place]}, whose values are {apart:g} apart; call it time [s] or "
-            "time [ms], or leave it out and give rate=, if these are numbers of frames",
+            f"nothing says the unit of column {name}, whose values are {apart:g} apart; \"columns.time='{name} [ms]'\", or "
+            "[s], does; if these are numbers of frames, leave the column out and give rate=",
         )
     return time
 

@@ -71,9 +71,12 @@ def momentary_frequency(time: Array, signal: Array) -> Array:
 
     Half a cycle lies between the times at which two strokes pass the middle between their extrema. Of these half cycles'
     frequencies the best rising, or falling, sequence is taken (isotonic regression), linear between the middles of the half
-    cycles and constant beyond; a slope too small to matter makes it strictly so. All nan with fewer than three strokes.
+    cycles and constant beyond; a slope too small to matter makes it strictly so. nan values of the signal are interpolated.
+    All nan with fewer than three strokes.
     """
     known = np.isfinite(signal)
+    if not known.any():
+        return np.full(len(time), math.nan)
     filled = np.interp(time, time[known], signal[known])
     least = PROMINENCE * float(np.ptp(filled))
     if not least > 0:

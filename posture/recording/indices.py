@@ -282,7 +282,7 @@ def speed(signal: Array, dt: float) -> Array:
 
 
 def _mean(values: Array) -> float:
-    """Mean of those that are not nan; nan of none."""
+    """Mean of those that are not nan; nan if there are none."""
     known = values[np.isfinite(values)]
     return float(known.mean()) if len(known) else math.nan
 

@@ -2,7 +2,7 @@
 headings.
 
 Columns are named as those of a C3D file, LABEL.x, LABEL.y and LABEL.z. Sections of another rate, such as Devices, are left
-out.
+out, wherever they stand in the file.
 """
 
 from __future__ import annotations
@@ -19,10 +19,13 @@ from posture.recording.text import Rows, cells_of, is_number
 
 HEADINGS = 5
 """Rows above the numbers of a section: title, rate, labels, components, units."""
+OF_FRAMES = ("model outputs", "joints", "segments", "trajectories")
+"""Titles of sections with one row for each frame of the cameras."""
 
 
 @dataclass(frozen=True)
 class _Section:
+    title: str
     rate: float
     names: list[str]
     units: list[str]
@@ -39,16 +42,18 @@ def is_nexus(lines: Sequence[str]) -> bool:
 
 
 def read_nexus(path: Path, lines: Sequence[str]) -> Table:
-    """The table of all sections that have the rate and the rows of the first. Raises ConfigError where that has no rows."""
+    """The table of all sections that have the rate and the number of rows of the first in `OF_FRAMES`, or without such a
+    section, of the one with the lowest rate. Raises ConfigError where no section has rows."""
     separator = _separator(lines)
     starts, sections = [0], []
     starts += [i + 1 for i, line in enumerate(lines) if not line.strip(f" {separator}")]
     for start, end in zip(starts, [*starts[1:], len(lines) + 1], strict=True):
         if is_nexus(lines[start : start + HEADINGS + 1]):
             sections.append(_section(path, lines, start, end - 1, separator))
-    first = sections[0] if sections else None
-    if first is None or not len(first.rows.numbers):
+    sections = [one for one in sections if len(one.rows.numbers)]
+    if not sections:
         raise refuse(path, "has headings of Vicon Nexus, but no rows of numbers")
+    first = next((one for one in sections if one.title in OF_FRAMES), min(sections, key=lambda one: one.rate))
     alike = [one for one in sections if one.rate == first.rate and len(one.rows.numbers) == len(first.rows.numbers)]
     owner = [(one, place) for one in alike for place in range(len(one.names))]
 
@@ -73,6 +78,7 @@ def _section(path: Path, lines: Sequence[str], start: int, end: int, separator: 
     units = [unit_of(unit) for unit in units[: len(names)]] + (len(names) - len(units)) * [""]
     numbers = np.array([row for row in range(start + HEADINGS, end) if lines[row].strip()], dtype=np.int64)
     return _Section(
+        cells_of(lines[start], separator)[0].strip().lower(),
         float(cells_of(lines[start + 1], separator)[0].replace(",", ".")),
         names,
         units,

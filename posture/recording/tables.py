@@ -18,9 +18,9 @@ def recording_columns(trials: Sequence[Trial]) -> list[Column[Trial]]:
     if any(trial.subject != trial.path.stem for trial in trials):
         columns.append(Column("subject", lambda one: one.subject))
     if len(ramps) < len(trials):
-        columns += [Column("f [Hz]", lambda one: one.indices.freq_hz, ".3f"), Column("from", lambda one: one.freq_from)]
-    if len(ramps) < len(trials):
         columns += [
+            Column("f [Hz]", lambda one: one.indices.freq_hz, ".3f"),
+            Column("from", lambda one: one.freq_from),
             Column("mode", lambda one: one.indices.mode),
             Column("hip-ankle r", lambda one: one.indices.hip_ankle_r, ".3f"),
             Column("cycles' r 95%", _interval("hip_ankle_r", "z.2f")),

@@ -1,5 +1,6 @@
 """C3D files that ezc3d itself wrote."""
 
+import struct
 import sys
 
 import ezc3d
@@ -55,6 +56,32 @@ def test_a_file_that_was_cut_short_is_refused(tmp_path):
     content = path.read_bytes()
     path.write_bytes(content[: len(content) // 2])
     with pytest.raises(ConfigError, match=r"was cut short: it has \d+ of its 4000 frames"):
+        read_c3d(path)
+
+
+def test_a_file_of_a_mips_processor_is_refused(tmp_path):
+    """Big-endian, as far as a reader comes: the words of the header, and the processor at byte 4 of the parameters."""
+    path = write_c3d(tmp_path / "a.c3d", plug_in_gait(recording()))
+    content = bytearray(path.read_bytes())
+    content[2:512] = struct.pack(">255H", *struct.unpack("<255H", content[2:512]))
+    assert content[515] == 84  # Intel
+    content[515] = 86
+    with pytest.raises(ConfigError, match=r"a\.c3d: is in the MIPS \(SGI\) format of C3D, which ezc3d cannot read; convert"):
+        read_c3d(write(path, bytes(content)))
+
+
+def test_a_file_without_points_or_without_a_rate_is_refused(tmp_path):
+    path = write_c3d(tmp_path / "a.c3d", plug_in_gait(recording()))
+    content = path.read_bytes()
+    rate = content.index(struct.pack("<f", RATE), 512)  # POINT:RATE is the first 100.0 of the parameters
+    path.write_bytes(content[:rate] + struct.pack("<f", -5.0) + content[rate + 4 :])
+    with pytest.raises(ConfigError, match=r"a\.c3d: has a POINT:RATE of -5 Hz; allowed is a sampling rate above 0"):
+        read_c3d(path)
+    content = ezc3d.c3d()
+    content["parameters"]["POINT"]["RATE"]["value"] = [RATE]
+    content["data"]["points"] = np.ones((4, 0, 40))
+    content.write(str(path))
+    with pytest.raises(ConfigError, match=r"a\.c3d: has no points; at least one with a name in POINT:LABELS is needed"):
         read_c3d(path)
 
 

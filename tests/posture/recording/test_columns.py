@@ -91,6 +91,16 @@ def test_times_by_rate_and_in_milliseconds(tmp_path):
         read(tmp_path, rows, "rate=50")
 
 
+@pytest.mark.parametrize("heading", ["stamp", "stamp [s]"])
+@pytest.mark.parametrize("step", [10, 0.2])  # [ms]: 100 Hz, and 5 kHz
+def test_a_unit_behind_the_name_of_the_time(tmp_path, heading, step):
+    rows = [f"{heading},hip_flexion_r_rad,ankle_angle_r_rad", *(f"{i * step},0.1,0.1" for i in range(3))]
+    np.testing.assert_allclose(read(tmp_path, rows, "columns.time='stamp [ms]'").time, [0, step / 1000, 2 * step / 1000])
+    np.testing.assert_allclose(read(tmp_path, rows, "columns.time='stamp [s]'").time, [0, step, 2 * step])
+    with pytest.raises(ConfigError, match=r"column stamp, the time, is in mm; allowed are s, ms; \"columns\.time='stamp"):
+        read(tmp_path, rows, "columns.time='stamp [mm]'")
+
+
 def test_milliseconds_and_numbers_of_frames_are_not_taken_for_seconds(tmp_path):
     for name, step in (("time", 10), ("frame", 1)):
         rows = [f"{name},hip_flexion_r_rad,ankle_angle_r_rad", *(f"{i * step},0.1,0.1" for i in range(3))]

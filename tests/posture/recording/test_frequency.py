@@ -65,3 +65,5 @@ def test_too_few_strokes():
     time = times(3.0)
     assert np.isnan(momentary_frequency(time, wave(time, 0.4))).all()
     assert np.isnan(momentary_frequency(time, 0 * time)).all()
+    nothing = momentary_frequency(time, np.full(len(time), math.nan))
+    assert nothing.shape == time.shape and np.isnan(nothing).all()

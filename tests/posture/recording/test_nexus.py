@@ -50,6 +50,31 @@ def test_sections_of_one_rate_are_one_table(tmp_path):
     np.testing.assert_allclose(found.time, MOTION.time, atol=1e-12)
 
 
+def test_a_faster_section_may_come_first(tmp_path):
+    """With its analogue devices at 1000 Hz above the angles and markers at 100 Hz, the file says the same."""
+    rows = nexus(MOTION)
+    at = rows.index("Devices")
+    path = write(tmp_path / "a.csv", [*rows[at:], "", *rows[:at]])
+    table = read_table(path)
+    assert table.rate == 100.0 and len(table.names) == 8 + 5
+    # Rows of the file as an editor numbers them: ten a frame and five headings of the devices, a blank, five headings.
+    assert table.rows[0] == 10 * len(MOTION.time) + 5 + 1 + 5 + 1
+    found = read_recording(path, config("columns.head=[Anna:LFHD.y]"))
+    np.testing.assert_allclose(found.hip, MOTION.hip, rtol=1e-12)
+    np.testing.assert_allclose(found.head, MOTION.head, atol=1e-12)
+    np.testing.assert_allclose(found.time, MOTION.time, atol=1e-12)
+
+
+def test_which_section_gives_the_rate(tmp_path):
+    """Not a slower one, if another has a row for each frame; of sections with other titles the slowest."""
+    rows = ["Slow Devices", "10", ",,EMG", "Frame,Sub Frame,V", ",,V", "1,0,0.5", "11,0,0.6", "", *nexus(MOTION)]
+    assert read_table(write(tmp_path / "a.csv", rows)).rate == 100.0
+    renamed = ["Others" if row in ("Model Outputs,,,,,,,", "Trajectories") else row for row in nexus(MOTION)]
+    at = renamed.index("Devices")
+    table = read_table(write(tmp_path / "a.csv", [*renamed[at:], "", *renamed[:at]]))
+    assert table.rate == 100.0 and table.names[2] == "Anna:RHipAngles.x"
+
+
 def test_what_is_wrong_in_one_line(tmp_path):
     rows = nexus(MOTION)
     rows[9] = rows[9].replace(",0,", ",0,x", 1)

@@ -10,6 +10,7 @@ from posture.analysis.ramp import transitions
 from posture.config.errors import ConfigError
 from posture.export.trajectory_files import write_csv
 from posture.recording.ramp import change_point, course_and_transitions, follow
+from posture.recording.signals import prepare
 from posture.recording.trial import analyse
 from tests.posture.analysis.trials import DT, TIME, trial
 from tests.posture.recording.people import ANKLE, HEAD, HIP, config, recording, times
@@ -87,3 +88,13 @@ def test_what_cannot_be_told():
         follow(recording(head=None, target=None), None)
     with pytest.raises(ConfigError, match="fewer than three strokes"):
         follow(recording(target=np.zeros(4000)), None)
+
+
+@pytest.mark.parametrize(("samples", "every", "override"), [(1, 4000, "detrend=true"), (5, 100, "low_pass=5.0")])
+def test_a_target_of_which_preparation_leaves_nothing(samples, every, override):
+    """A single number, and stretches too short for a filter."""
+    target = np.where(np.arange(4000) % every < samples, 0.1, math.nan)
+    prepared = prepare(recording(target=target), config(override))
+    assert np.isnan(prepared.target).all()
+    with pytest.raises(ConfigError, match="fewer than three strokes"):
+        follow(prepared, None)
