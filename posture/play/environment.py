@@ -9,7 +9,8 @@ from typing import Any
 import torch
 
 from envs.config import EnvConfig, Person
-from envs.task.head_tracking import HeadTrackingEnv
+from envs.engines.interface import SUBJECT
+from envs.task.head_tracking import SENSED, HeadTrackingEnv
 
 EPISODE_STEPS = 10_000_000
 """Control steps of an episode, about two days: in practice only a fall ends it."""
@@ -61,6 +62,24 @@ class PlayEnv(HeadTrackingEnv):
             value = torch.full((1,), getattr(settings, name))
             if not torch.equal(value, getattr(self.sim, name)):
                 self.sim.set_subject(**{name: value})
+
+    def continue_from(self, other: PlayEnv) -> None:
+        """Take over the motion and the target of `other`, which has the same body and control step.
+
+        The senses go on, too, if both policies have the same ones; otherwise they begin as with a new episode.
+        """
+        config, state = other.config, other.state_dict()
+        for name in SUBJECT:
+            del state["simulation"][name]  # stiffness, damping and friction are this environment's own
+        if config.actuation.is_ideal:
+            state["activation"] = state["action"]  # lagging actuators begin with the present torque
+        same_senses = (config.sensing, config.observations) == (self.config.sensing, self.config.observations)
+        if not same_senses:
+            state |= {name: value for name, value in self.state_dict().items() if name in SENSED}
+            state |= {"episode_length_buf": torch.zeros_like(self.episodes.step), "phase_offset": other.episodes.phase}
+        self.load_state_dict(state)
+        if not same_senses:
+            self._observe(torch.ones(1, dtype=torch.bool))
 
     @property
     def phase(self) -> float:

@@ -112,8 +112,10 @@ class Panel:
         ends = {name: getattr(self._config.sliders, name)[:2] for name in MEASURES}
         measures = {name: min(max(float(self._measures[name].value), low), high) for name, (low, high) in ends.items()}
         sex = self._sex.value
-        self._session.set_body(None if sex == PAPER else Person(**measures, sex=sex))
-        self._show_body()
+        try:
+            self._session.set_body(None if sex == PAPER else Person(**measures, sex=sex))
+        finally:
+            self._show_body()  # the present one if that body is refused
 
     def _show_body(self) -> None:
         """Show the session's body."""

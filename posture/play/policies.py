@@ -9,10 +9,12 @@ from typing import Protocol
 import torch
 
 from envs.body.segments import Segments
-from envs.config import EnvConfig
+from envs.config import EnvConfig, Person
+from posture.config.body import with_body
 from posture.config.errors import ConfigError
 from posture.config.eval import LqrConfig
 from posture.config.play import SETTINGS
+from posture.config.reading import read
 from posture.config.train import TrainConfig
 from posture.learning.networks import load_policy
 from posture.play.environment import PlayEnv, Settings, play_config
@@ -46,6 +48,13 @@ class PolicyChoice:
     env: EnvConfig
     model: Path | None = None
     run: TrainConfig | None = None
+
+    def env_with(self, body: Person | None) -> EnvConfig:
+        """The environment with another body and joints scaled to it. Raises ConfigError if such joints are not allowed."""
+        try:
+            return read(EnvConfig, with_body(self.env, body))
+        except ConfigError as error:
+            raise ConfigError(f"joints scaled to this body: {error}") from None
 
     def not_trained_on(self, settings: Settings) -> list[str]:
         """Those of the settings that the policy did not meet in its training; none for the model-based controller."""

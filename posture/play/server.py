@@ -70,9 +70,10 @@ class Server:
 
     def __init__(self, config: PlayConfig, policies: list[PolicyChoice], worker: TheoryWorker) -> None:
         torch.set_num_threads(1)
-        config.body.apply_to(policies[0].env.body)  # reports a part that is missing before a visitor comes
+        first = policies[0]
+        first.env_with(config.body.apply_to(first.env.body))  # reports a body that cannot be used before a visitor comes
         self._config = config
-        self._make_session = partial(Session, config, policies, read_segments(policies[0].env), worker)
+        self._make_session = partial(Session, config, policies, read_segments(first.env), worker)
         self.visitors: dict[int, Visitor] = {}
         logging.getLogger("websockets").setLevel(logging.CRITICAL)
         warnings.filterwarnings("ignore", "Queued a .* on a closed connection")  # a visitor left between two frames

@@ -12,9 +12,9 @@ import torch
 
 from envs.body.joints import ANKLES, BODIES, HIPS
 from envs.body.segments import Segments, read_segments
-from envs.config import EnvConfig, Person
+from envs.config import Person
 from posture.analysis.trajectory import Array
-from posture.config.body import factor, with_body
+from posture.config.body import factor
 from posture.config.play import SETTINGS, STIFFNESS, PlayConfig
 from posture.evaluation.rollout import MIN_LOAD_N
 from posture.play.environment import PlayEnv, Settings
@@ -58,7 +58,7 @@ class Session:
 
     def __init__(self, config: PlayConfig, policies: Sequence[PolicyChoice], body: Segments, worker: TheoryWorker) -> None:
         """Start with the first of `policies`, for whose body `body` are the segments. Raises ConfigError if it cannot be
-        loaded."""
+        loaded, or cannot have the body of `config`."""
         self._config, self._policies, self._worker = config, {p.name: p for p in policies}, worker
         self._segments = policies[0].env.body, body
         given: dict[str, Any] = {name: getattr(config, name) for name in SETTINGS if getattr(config, name) is not None}
@@ -110,7 +110,11 @@ class Session:
         self.settings = replace(self.settings, **changes)
 
     def set_body(self, body: Person | None) -> None:
-        """Have another body from the next step on, upright and at rest, with joints scaled to it; None: the paper's."""
+        """Have another body from the next step on, upright and at rest, with joints scaled to it; None: the paper's.
+
+        Raises ConfigError if such joints are not allowed; then nothing changes.
+        """
+        self._policies[self.policy].env_with(body)
         self._asked_body = body
 
     @property
@@ -142,24 +146,25 @@ class Session:
 
     @torch.no_grad()
     def choose(self, name: str) -> None:
-        """Continue with another policy, with the body that the policy was made for, and from the present state if it is the
-        present body.
+        """Continue with another policy, with the body that the policy was made for, and from the present state if it has the
+        present body and control step.
 
         Raises ConfigError if it cannot be loaded; then nothing changes.
         """
-        previous_env, before, choice = self._env, self.__dict__.copy(), self._policies[name]
-        self.settings = self._settings_of(choice, self.settings.freq)
-        self._asked_body = self.settings.body
+        previous, before, choice = self._env, self.__dict__.copy(), self._policies[name]
         try:
+            self.settings = self._settings_of(choice, self.settings.freq)
+            self._asked_body = self.settings.body
             self._use(choice)
+            config = self._env.config
+            if (config.body, config.control_dt) == (previous.config.body, previous.config.control_dt):
+                self._env.continue_from(previous)
+                self._env.apply(self.settings)
+            else:
+                self.reset()
         except Exception:
             self.__dict__.update(before)
             raise
-        if before["settings"].body != self.settings.body:
-            self.reset()
-            return
-        self._env.load_state_dict(previous_env.state_dict())
-        self._env.apply(self.settings)
 
     @property
     def policies(self) -> tuple[str, ...]:
@@ -203,7 +208,7 @@ class Session:
         low, high, _ = self._config.sliders.freq
         freqs = np.linspace(low, high, self._config.theory_freqs)
         env, tolerance = self.settings.apply_to(self._env.config), self.settings.tolerance
-        if not self._theory.ready(self.settings.without_freq, self._segments[1], env, tolerance, freqs):
+        if not self._theory.ready((env, tolerance), self._segments[1], env, tolerance, freqs):
             return None
         if isinstance(self._theory.result, Exception):
             raise self._theory.result
@@ -238,7 +243,7 @@ class Session:
 
     def _use(self, choice: PolicyChoice, controller: Controller | None = None) -> None:
         """Make the environment of `choice`, with the body of the settings, and its controller, unless that is given."""
-        env = EnvConfig.model_validate(with_body(choice.env, self.settings.body))
+        env = choice.env_with(self.settings.body)
         if self._segments[0] != env.body:
             self._segments = env.body, read_segments(env)
         self._env = PlayEnv(env, self.settings)

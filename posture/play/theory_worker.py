@@ -28,6 +28,8 @@ from posture.theory.stander import linearise
 from posture.theory.transition import bound_transition
 
 Coefficients = NDArray[np.complex128]
+MAX_RETRIES = 3
+"""How often in a row a call is made again because its process was killed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +93,8 @@ class TheoryWorker:
 class TheoryRequest:
     """The newest result of a function whose arguments keep changing.
 
-    One call runs at a time. When it has finished, the next call uses the newest arguments; those between are skipped.
+    One call runs at a time. When it has finished, the next call uses the newest arguments; those between are skipped. A call
+    whose process is killed is made again.
     """
 
     def __init__(self, worker: TheoryWorker, function: Callable[..., Any]) -> None:
@@ -99,6 +102,7 @@ class TheoryRequest:
         self._future: Future[Any] | None = None
         self._running_key: Any = None
         self._result_key: Any = None
+        self._retries = 0
         self.result: Any = None
         """The newest result, for any key; None before the first, an exception if the call failed."""
 
@@ -106,8 +110,12 @@ class TheoryRequest:
         """Whether `result` is the one for `key`. If it is not and no call is running, start one with `arguments`."""
         if self._future is not None and self._future.done():
             failure = self._future.exception()
-            self.result = self._future.result() if failure is None else failure
-            self._result_key, self._future = self._running_key, None
+            if isinstance(failure, BrokenProcessPool) and self._retries < MAX_RETRIES:
+                self._retries += 1  # the next call is made below, in another process
+            else:
+                self.result = self._future.result() if failure is None else failure
+                self._result_key, self._retries = self._running_key, 0
+            self._future = None
         if self._result_key != key and self._future is None:
             self._running_key, self._future = key, self._worker.submit(self._function, *arguments)
         return bool(self._result_key == key)

@@ -64,6 +64,13 @@ def test_damaged_checkpoint_is_refused_before_the_page_opens(monkeypatch, capsys
     assert "not a checkpoint" in refused(monkeypatch, capsys, "play", f"ckpt={tmp_path / 'model_3.pt'}", "port=0")
 
 
+@pytest.mark.parametrize("how", ["port=0", "record=session.html"])
+def test_body_whose_scaled_joints_are_not_allowed_is_refused(monkeypatch, capsys, how):
+    arguments = ["ckpt=lqr", "lqr.env.ankle_k=200", "body.mass=120", "body.height=1.8", "body.sex=male", how]
+    line = refused(monkeypatch, capsys, "play", *arguments)
+    assert "joints scaled to this body: ankle_k = 685.3" in line and "less than or equal to 400" in line
+
+
 def test_port_in_use(monkeypatch, capsys):
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))

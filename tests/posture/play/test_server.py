@@ -149,6 +149,18 @@ def test_body_is_chosen_by_sex_mass_and_height():
         wait(lambda: session.settings.body is None and stiffness.max == 200 and mass.disabled)
 
 
+def test_body_that_is_refused_is_reported_and_the_session_continues():
+    with serving("ckpt=lqr", "lqr.env.ankle_k=200") as server:
+        page = Page(server)
+        visitor = visitor_of(server, page)
+        wait(lambda: visitor.frames > 0)
+        page.change(control(visitor, "body"), "male")
+        wait(lambda: b"joints scaled to this body: ankle_k" in page.text)
+        wait(lambda: control(visitor, "body").value == "the paper's")
+        frames = visitor.frames
+        wait(lambda: visitor.frames > frames)
+
+
 @pytest.mark.slow
 def test_speed():
     """Real time, or a quarter of it in slow motion; never faster, slower on a busy machine."""

@@ -16,7 +16,7 @@ from posture.config.errors import ConfigError
 from posture.config.play import SETTINGS, PlayConfig
 from posture.evaluation.rollout import rollout
 from posture.learning.networks import load_policy
-from posture.play.environment import play_config
+from posture.play.environment import PlayEnv, play_config
 from posture.play.lqr import ReplanningLqr
 from posture.play.policies import policy_choices
 from posture.play.session import Session
@@ -203,6 +203,80 @@ def test_another_policy_continues_from_the_same_pose_with_its_own_body(session):
     assert session.falls == 0
 
 
+@pytest.mark.parametrize("first", ["pretrained/default", "pretrained/human"])
+def test_every_policy_continues_the_motion_of_one_without_and_one_with_senses(session, first):
+    for name in session.policies:
+        session.choose(first)
+        session.set(freq=0.1)  # slow: hips that become much softer in a fast motion make the stander fall
+        session.reset()
+        advance(session, 1.0)
+        before, phase = session._env.sim.state_dict()["q"], session._env.phase
+        session.choose(name)
+        assert session.policy == name and torch.equal(session._env.sim.state_dict()["q"], before)
+        assert session._env.phase == pytest.approx(phase, abs=1e-9)
+        states = advance(session, 1.0)
+        assert np.isfinite([state.head for state in states]).all() and np.ptp([state.head for state in states]) > 0.01
+    assert session.falls == 0
+
+
+def session_of(body, *names, **changes):
+    """A session with these shipped policies, and with `own`: the last of them in an environment with these changes."""
+    config = compose_play()
+    by_name = {choice.name: choice for choice in policy_choices(config.ckpt, config.lqr)}
+    choices = [by_name[f"pretrained/{name}"] for name in names]
+    own = replace(choices[-1], name="own", env=choices[-1].env.model_copy(update=changes))
+    return Session(config, [*choices, own], body, InlineWorker())
+
+
+def test_senses_begin_with_a_policy_and_go_on_with_one_that_has_the_same(body):
+    session = session_of(body, "default", "human")
+    advance(session, 1.0)
+    session.choose("pretrained/human")
+    env = session._env
+    senses, values = env._senses, env._exact()
+    exact = torch.cat([values[name] for name in senses.sizes], dim=-1)
+    past = senses.past.reshape(-1, exact.shape[1])
+    assert torch.equal(past, past[:1].expand_as(past))  # nothing was sensed before
+    assert ((past[0] - exact[0]).abs() <= 3.47 * sum(senses._deviations) + 1e-6).all()  # the largest noise there is
+    assert abs(float(exact[0, 0])) > 0.02  # the stander is not upright
+    assert torch.equal(env.episodes.activation, env.episodes.action) and bool(env.episodes.action.any())
+    advance(session, 0.5)
+    now, past = int(env._senses.now), env._senses.past.clone()
+    session.choose("own")
+    assert int(session._env._senses.now) == now > 0 and torch.equal(session._env._senses.past, past)
+
+
+def test_another_policy_has_its_own_physics_and_theory(body):
+    session = session_of(body, "default", joint_damping=5.0, torque_limit=60.0)
+    session.theory()
+    before = session.theory().transition
+    session.choose("own")
+    assert float(session._env.sim.joint_damping) == 5.0
+    assert session.theory() is None  # that of the policy before is not shown
+    env = session._env.config
+    expected = bound_transition(linearise(body, env), env.amplitude, session.settings.tolerance, (0.05, 1.5))
+    assert session.theory().transition == pytest.approx(expected, abs=1e-6) and abs(expected - before) > 0.005
+
+
+def test_policy_with_another_control_step_starts_upright(body):
+    session = session_of(body, "default", control_dt=0.01)
+    advance(session, 1.0)
+    session.choose("own")
+    assert session.dt == 0.01 and len(session.history) == 0 and session._env.phase == 0.0
+    assert session.state.pose[0, 2] == pytest.approx(1.286, abs=1e-3)
+    advance(session, 1.0)
+
+
+def test_policy_that_fails_when_it_takes_over_changes_nothing(session, monkeypatch):
+    advance(session, 1.0)
+    env = session._env
+    with monkeypatch.context() as patch, pytest.raises(ZeroDivisionError):
+        patch.setattr(PlayEnv, "continue_from", lambda *_: 1 / 0)
+        session.choose("pretrained/hip_k-25")
+    assert session._env is env and session.policy == "pretrained/default" and session.settings.hip_k == 125.0
+    advance(session, 1.0)
+
+
 def test_policy_that_cannot_be_loaded_changes_nothing(session, monkeypatch):
     def damaged(*_):
         raise ConfigError("not readable")
@@ -318,6 +392,16 @@ def test_body_at_the_start(body):
     assert (session.body, session.settings.hip_k, session.settings.ankle_k) == (HEAVY, 300.0, 50.0)
     with pytest.raises(ConfigError, match="^body.height: missing; the policy was trained with the paper's body"):
         new_session(body, "body.mass=70")
+
+
+def test_body_whose_scaled_joints_are_not_allowed_is_refused_and_the_session_continues(body):
+    session = new_session(body, "ckpt=lqr", "lqr.env.ankle_k=200")
+    with pytest.raises(ConfigError, match="^joints scaled to this body: ankle_k = 8.*must be less than or equal to 400$"):
+        session.set_body(HEAVY.model_copy(update={"mass": 161.0}))
+    assert session.body is None
+    advance(session, 1.0)
+    with pytest.raises(ConfigError, match="^joints scaled to this body: ankle_k"):
+        new_session(body, "ckpt=lqr", "lqr.env.ankle_k=200", "body.mass=120", "body.height=1.8", "body.sex=male")
 
 
 def test_lqr_balances_another_body(body):

@@ -2,13 +2,14 @@
 
 import math
 import os
+import time
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 
 import numpy as np
 import pytest
 
-from posture.play.theory_worker import TheoryRequest, TheoryWorker, least_cost
+from posture.play.theory_worker import MAX_RETRIES, TheoryRequest, TheoryWorker, least_cost
 from posture.theory.motion import joint_arrays
 from posture.theory.optimum import bound
 from posture.theory.stander import linearise
@@ -36,6 +37,41 @@ def test_process_that_was_killed_is_replaced():
         assert worker.submit(math.sqrt, 4.0).result(timeout=60) == 2.0
     finally:
         worker.close()
+
+
+def killed_at_first(mark):
+    """A call whose process dies if there is no file `mark`, which it makes."""
+    if not mark.exists():
+        mark.touch()
+        os._exit(1)
+    return "done"
+
+
+def test_call_of_a_process_that_was_killed_is_made_again(tmp_path):
+    worker = TheoryWorker()
+    try:
+        request, end = TheoryRequest(worker, killed_at_first), time.monotonic() + 60
+        while not request.ready("key", tmp_path / "mark"):
+            assert time.monotonic() < end, "timeout"
+            time.sleep(0.01)
+        assert request.result == "done"
+    finally:
+        worker.close()
+
+
+def test_call_that_always_kills_its_process_is_given_up():
+    calls = []
+
+    class Worker:
+        def submit(self, function, *arguments):
+            calls.append(Future())
+            calls[-1].set_exception(BrokenProcessPool())
+            return calls[-1]
+
+    request = TheoryRequest(Worker(), math.sqrt)
+    while not request.ready("key", 4.0):
+        assert len(calls) <= 1 + MAX_RETRIES
+    assert len(calls) == 1 + MAX_RETRIES and isinstance(request.result, BrokenProcessPool)
 
 
 def test_one_call_at_a_time_and_the_newest_arguments_next():
