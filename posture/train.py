@@ -131,6 +131,8 @@ def _learn(
     if config.env.num_envs % size:
         raise ConfigError(f"env.num_envs = {config.env.num_envs} cannot be shared equally among {size} processes")
     device = parallel.local_device(config.device)
+    if size > 1 and config.device.startswith("cuda:"):
+        raise ConfigError(f"device: under torchrun each process has a GPU of its own; give cuda, not {config.device}")
     torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed + 1_000_003 * rank)
     begun_from = None if resume or config.init is None else run_dir.find_checkpoint(config.init, "init")

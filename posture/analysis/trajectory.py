@@ -50,7 +50,7 @@ class Trajectory:
     torso_height: Array  # (T, W) [m]
     foot_displacement: Array  # (T, W) distance of the feet from their start [m]
     foot_flat: NDArray[np.bool_]  # (T, W) heel and toe of both feet on the ground
-    fall_step: NDArray[np.int64]  # (W,) first step with the torso below the fall height, -1 if it never fell
+    fall_step: NDArray[np.int64]  # (W,) first step below the fall height, or that diverged; -1: none
     torque_limit: float  # [Nm]
     control_dt: float  # [s]
 

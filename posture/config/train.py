@@ -84,4 +84,11 @@ class TrainConfig(CommandConfig):
                 f"env.num_envs x agent.num_steps_per_env = {own} samples a process do not fill {parts} mini-batches with "
                 "two samples each: raise one of the former, or lower agent.algorithm.num_mini_batches"
             )
+        # rsl-rl shares worlds, not samples, among the mini-batches of a network with a memory, and leaves the rest out.
+        recurrent = "RNNModel" in (self.agent.actor.class_name, self.agent.critic.class_name)
+        if recurrent and self.env.num_envs % (processes * parts):
+            raise ValueError(
+                f"env.num_envs = {self.env.num_envs}: with a recurrent layer allowed is a multiple of processes x "
+                f"agent.algorithm.num_mini_batches, {processes * parts}"
+            )
         return self

@@ -24,7 +24,7 @@ class Score:
     """Figures of the checkpoint after `iteration` iterations.
 
     falls: frequencies at which it falls. cost_ratio: mean over the other frequencies of cost over least cost [-]; nan if it
-    falls at all of them.
+    falls at all of them, or if one of them has no least cost.
     """
 
     iteration: int

@@ -51,10 +51,6 @@ def reproduce(config: ReproduceConfig, folder: Path) -> None:
     results so far."""
     check_files(folder)
     plan = make_plan(config)
-    if not {"train", "evaluate"} & set(config.stages):
-        _check_done(plan.trainings["frequency"])
-    elif "train" not in config.stages:
-        _check_done([job for own in plan.wanted.values() for job in own])
     wanted = [job for own in plan.wanted.values() for job in own]
     progress = SweepProgress(wanted)
     failed = False
@@ -84,15 +80,23 @@ def check_files(folder: Path) -> None:
 
 
 def make_plan(config: ReproduceConfig) -> Plan:
-    """Compose and check the jobs of every experiment. Raises ConfigError for a wrong override."""
+    """Compose and check the jobs of every experiment.
+
+    Raises ConfigError for a wrong override, and if nothing is done that the stages need. That is found as early as possible,
+    since composing all jobs takes some ten seconds.
+    """
     GlobalHydra.instance().clear()  # Hydra composes one command line at a time
-    trainings = {
-        name: jobs.check("train", TrainConfig, [*training(name, config), *_launcher(config)]).jobs for name in TRAININGS
-    }
+    trainings: dict[str, Sequence[Job]] = {}
+    for name in TRAININGS:  # Exp. 1 is the first
+        trainings[name] = jobs.check("train", TrainConfig, [*training(name, config), *_launcher(config)]).jobs
+        if not {"train", "evaluate"} & set(config.stages):
+            _check_done(trainings["frequency"])
     wanted = {
         name: [job for job in own if name in config.experiments and _seed(job) <= config.seeds]
         for name, own in trainings.items()
     }
+    if "train" not in config.stages and "evaluate" in config.stages:
+        _check_done([job for own in wanted.values() for job in own])
     evaluations = {name: jobs.check("eval", EvalConfig, evaluation(name, config)).jobs for name in EVALUATIONS}
     return Plan(trainings, wanted, evaluations)
 

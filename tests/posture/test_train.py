@@ -149,3 +149,11 @@ def test_on_a_gpu_the_standers_are_not_shared_among_processes():
     assert compose("device=cuda", "env.num_envs=1001", "processes=2").env.num_envs == 1001
     with pytest.raises(ConfigError, match="1001 cannot be shared equally among 2 processes"):
         compose("env.num_envs=1001", "processes=2")
+
+
+def test_with_a_recurrent_layer_every_mini_batch_has_worlds():
+    """24 worlds in 16 mini-batches would leave 8 out, and 8 worlds would fill none."""
+    for worlds in (8, 24):
+        with pytest.raises(ConfigError, match=f"num_envs = {worlds}: with a recurrent layer allowed is .*, 16"):
+            compose("senses=recurrent", f"env.num_envs={worlds}", "processes=1")
+    assert compose("senses=recurrent", "env.num_envs=32", "processes=1").env.num_envs == 32

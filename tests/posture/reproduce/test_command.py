@@ -12,7 +12,7 @@ import pytest
 
 from posture.cli import signals
 from posture.config.reproduce import ReproduceConfig
-from posture.reproduce.__main__ import Start, of_several_seeds, run, run_at_once
+from posture.reproduce.__main__ import Start, evaluation, of_several_seeds, run, run_at_once
 from posture.reproduce.experiments import TRAININGS
 from posture.reproduce.ship import archive, duration, ship
 from posture.storage import run_dir
@@ -98,7 +98,7 @@ def test_archived_policies_are_not_trained_again(monkeypatch, capsys, tmp_path):
     from posture.config.train import TrainConfig
 
     monkeypatch.chdir(tmp_path)
-    trainings = ["-m", "experiment=frequency", "seed=1", *TINIER]
+    trainings = ["-m", "experiment=frequency", "seed=1", *TINIER, "evaluation.freq=[0.5]", "evaluation.figures=false"]
     call(monkeypatch, "train", *trainings)
     jobs = check("train", TrainConfig, [*trainings]).jobs
     jobs += check("train", TrainConfig, [*trainings, "env.hip_k=60"]).jobs  # not done
@@ -158,11 +158,16 @@ def test_bad_input(monkeypatch, capsys, tmp_path, argument, expected):
     assert not Path("runs").exists()
 
 
-def test_every_evaluation_takes_the_frequencies_of_the_overrides(monkeypatch, capsys, tmp_path):
-    """But those in a ramp, which have no constant frequency. There is nothing to report yet, which is found later."""
+def test_every_evaluation_takes_the_frequencies_of_the_overrides(monkeypatch, tmp_path):
+    """But those in a ramp, which have no constant frequency."""
+    from posture.cli.jobs import check
+    from posture.config.eval import EvalConfig
+
     monkeypatch.chdir(tmp_path)
-    overrides = "overrides=['evaluation.freq=[0.4,1.2]']"
-    assert "no policy of frequency is done" in refused(monkeypatch, capsys, "reproduce", "stages=[report]", overrides)
+    config = check("reproduce", ReproduceConfig, ["overrides=['evaluation.freq=[0.4,1.2]']"]).jobs[0].config
+    taken = {name: check("eval", EvalConfig, evaluation(name, config)).jobs[0].config for name in ("engines", "ramp_as_run")}
+    assert taken["engines"].evaluation.freq == (0.4, 1.2)
+    assert taken["ramp_as_run"].evaluation.freq != (0.4, 1.2) and taken["ramp_as_run"].env.ramp is not None
 
 
 def test_a_folder_may_have_any_name(monkeypatch, tmp_path):
