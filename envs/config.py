@@ -148,8 +148,8 @@ class TerminationConfig(Strict):
 
 
 class SolverConfig(Strict):
-    """Time step and contact of all engines. `ls_iterations` has no effect in the planar one, `constraint_rows` and `contacts`
-    only have one in SolverMuJoCo."""
+    """Time step and contact of all engines. `ls_iterations` has no effect in the planar one; `constraint_rows` and
+    `contacts` are for SolverMuJoCo only."""
 
     substeps: Annotated[int, Field(ge=1, le=100)]
     iterations: Annotated[int, Field(ge=1, le=1000)]
