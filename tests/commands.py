@@ -43,7 +43,8 @@ from posture.theory.__main__ import theory
 from posture.train import check as check_train
 from posture.train import train
 
-EVALUATION = ["evaluation.duration=1.0", "evaluation.transient=0.1", "evaluation.freq=[0.5,1.5]"]
+SHORT = ["evaluation.duration=1.0", "evaluation.transient=0.1"]
+EVALUATION = [*SHORT, "evaluation.freq=[0.5,1.5]"]
 TINY = [
     "env.num_envs=8",
     "processes=1",
@@ -54,12 +55,15 @@ TINY = [
     "agent.save_interval=1",
     *EVALUATION,
 ]
+ANY_FREQ = [option for option in TINY if not option.startswith("evaluation.freq")]
+"""For experiments that fix their frequencies."""
 TINY_THEORY = [
     "evaluation.freq=[0.3]",
     "experiment_3.hip_k=[100]",
     "experiment_4b.step=4",
     "figure_13={hip_k: [50, 100], freq: [0.3, 0.5], step: 0.2}",
     "around={ankle_k: [25], load: [0], tolerance: [0.025]}",
+    "search=[0.6,0.7]",
 ]
 CONSTANT = ["env.reward.stay_weight=1.5", "env.reward.target_weight=1.5", "env.reward.ended=-9", "agent.std_floor=null"]
 """Schedules last as long as the training that began them; without them trainings of different lengths can be compared."""

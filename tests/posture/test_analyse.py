@@ -15,14 +15,11 @@ from tests.commands import call, refused, table
 from tests.posture.analysis.trials import angle_difference
 from tests.posture.recording.people import lines, recording, times, write
 
+pytestmark = pytest.mark.usefixtures("elsewhere")
+
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = ROOT / "examples" / "recordings"
 RAD = "time,hip_flexion_r_rad,ankle_angle_r_rad"
-
-
-@pytest.fixture(autouse=True)
-def _elsewhere(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 # -- the examples ------------------------------------------------------------------------------------------------------

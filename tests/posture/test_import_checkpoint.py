@@ -15,6 +15,8 @@ from posture.storage.run_dir import read_config
 from tests.commands import TINY, call, refused, same, table
 from tests.conftest import compose
 
+pytestmark = pytest.mark.usefixtures("elsewhere")
+
 
 @pytest.fixture(scope="module")
 def stock(tmp_path_factory):
@@ -25,11 +27,6 @@ def stock(tmp_path_factory):
     agent = config.agent.model_dump(mode="json", exclude_none=True, exclude={"std_floor", "average_from"})
     OnPolicyRunner(env, agent, log_dir=str(folder), device="cpu").learn(2)
     return folder / "model_1.pt"
-
-
-@pytest.fixture(autouse=True)
-def _elsewhere(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 def test_it_is_evaluated_and_fine_tuned_like_a_run(stock, monkeypatch):

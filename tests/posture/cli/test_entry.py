@@ -12,13 +12,9 @@ import yaml
 from posture.storage import provenance, run_dir
 from tests.commands import CONSTANT, EVALUATION, TINY, call, refused, runs, same, table
 
+pytestmark = pytest.mark.usefixtures("elsewhere")
+
 NO_FIGURES = ["evaluation.figures=false"]
-
-
-@pytest.fixture(autouse=True)
-def _elsewhere(tmp_path, monkeypatch):
-    """Runs go to runs/ in the current directory; each test has its own directory."""
-    monkeypatch.chdir(tmp_path)
 
 
 # -- bad input -------------------------------------------------------------------------------------------------------
@@ -113,14 +109,18 @@ def test_evaluation_writes_trajectories_metrics_and_figures(trained):
     assert (folder / "trajectories.npz").exists() and len(list(folder.glob("*.png"))) >= 7
 
 
-def test_an_evaluation_by_other_libraries_does_not_count(trained, monkeypatch):
+def counts(run):
+    """Whether the evaluation of a run counts as that of its policy."""
     from posture.evaluation.trial import AS_TRAINED, is_current
 
-    model, run = run_dir.newest_model(trained), run_dir.read_config(trained)
-    conditions = (trained / "evaluation", model, run, run.evaluation, AS_TRAINED, "cpu")
-    assert is_current(*conditions)
+    config = run_dir.read_config(run)
+    return is_current(run / "evaluation", run_dir.newest_model(run), config, config.evaluation, AS_TRAINED, "cpu")
+
+
+def test_an_evaluation_by_other_libraries_does_not_count(trained, monkeypatch):
+    assert counts(trained)
     monkeypatch.setattr(provenance, "library_versions", lambda: {"newton": "0.1"})
-    assert not is_current(*conditions)
+    assert not counts(trained)
 
 
 @pytest.mark.parametrize("name", ["metrics.csv", "trajectories.npz"])
@@ -129,11 +129,14 @@ def test_damaged_results_are_computed_again(trained, monkeypatch, capsys, tmp_pa
     path = run / "evaluation" / name
     whole = path.read_bytes()
     header = whole.splitlines(keepends=True)[0]
-    assert evaluated_before(monkeypatch, capsys, run)
-    for damage in (b"", header, whole[: len(whole) * 2 // 3], b"\xff" + whole, whole.replace(b"5", b"6", 1), None):
-        path.unlink() if damage is None else path.write_bytes(damage)
-        assert not evaluated_before(monkeypatch, capsys, run)
-        assert path.read_bytes() == whole
+    assert counts(run)
+    path.unlink()
+    assert not counts(run)
+    for damage in (b"", header, whole[: len(whole) * 2 // 3], b"\xff" + whole, whole.replace(b"5", b"6", 1)):
+        path.write_bytes(damage)
+        assert not counts(run)
+    assert not evaluated_before(monkeypatch, capsys, run)
+    assert path.read_bytes() == whole
     assert evaluated_before(monkeypatch, capsys, run)
 
 

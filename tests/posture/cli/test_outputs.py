@@ -6,16 +6,14 @@ import pytest
 import yaml
 
 from posture.cli import entry
+from posture.cli.jobs import check
 from posture.eval import differences
 from tests.commands import ENTRIES, EVALUATION, TINY, answer, call, refused, table
 from tests.conftest import compose, compose_eval
 
+pytestmark = pytest.mark.usefixtures("elsewhere")
+
 TRIAL = [*EVALUATION, "evaluation.figures=false"]
-
-
-@pytest.fixture(autouse=True)
-def _elsewhere(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 def folders_of(command, *arguments):
@@ -48,7 +46,7 @@ def test_each_job_has_a_folder_of_its_own(command):
     names = [f"{number}_{key}-{value}" for number, value in enumerate(SWEPT[command].partition("=")[2].split(","))]
     assert folders_of(command, *needed, "out=here/a b") == [Path("here/a b")]
     assert folders_of(command, *needed, "-m", SWEPT[command], "out=there") == [Path("there", name) for name in names]
-    swept = folders_of(command, *needed, "-m", SWEPT[command])
+    swept = [job.folder for job in check(command, ENTRIES[command][0], [*needed, "-m", SWEPT[command]]).jobs]
     assert [folder.name for folder in swept] == names and swept[0].parent == swept[1].parent
     (single,) = folders_of(command, *needed)
     if command == "reproduce":
@@ -69,6 +67,9 @@ def test_no_empty_folder_remains_after_bad_input(monkeypatch, capsys):
 def test_out_is_a_path(out):
     code, stderr, _ = answer("theory", f"out={out}")
     assert code == 2 and stderr.startswith("error: out") and stderr.count("\n") == 1
+
+
+def test_a_sweep_has_one_out():
     assert "out: allowed is one folder" in answer("theory", "-m", "out=a,b")[1]
 
 

@@ -24,16 +24,13 @@ from posture.storage import atomic, checkpoint, run_dir
 from posture.storage.lock import is_busy
 from tests.commands import CONSTANT, TINY, call, refused, same
 
+pytestmark = pytest.mark.usefixtures("elsewhere")
+
 PLAIN = [*TINY, "evaluate=false", "env.num_envs=16"]
 FOREVER = "max_iterations=1000000"
 RARE = "agent.save_interval=1000000"
 LIMIT_S = 180
 """On a busy machine two processes take half a minute to start."""
-
-
-@pytest.fixture(autouse=True)
-def _elsewhere(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 @contextlib.contextmanager

@@ -15,19 +15,18 @@ from posture.config.train import TrainConfig
 from posture.eval import only_current
 from posture.storage import checkpoint, run_dir
 from posture.storage.lock import locked
-from tests.commands import CONSTANT, TINY, call, refused, same, table
+from tests.commands import ANY_FREQ, CONSTANT, SHORT, TINY, call, refused, same, table
 from tests.conftest import compose
 
-TINY = [*TINY, *CONSTANT, "evaluation.figures=false"]
-SWEEP = ["-m", "experiment=energy", *TINY, "env.energy_weight=0,5", "seed=1", "evaluation.freq=[0.5]"]
+NO_FIGURES = "evaluation.figures=false"
+SWEEP = ["-m", "experiment=energy", *TINY, *CONSTANT, NO_FIGURES, "env.energy_weight=0,5", "seed=1", "evaluation.freq=[0.5]"]
 JOBLIB = ["hydra/launcher=joblib", "hydra.launcher.n_jobs=2"]
 UNEVALUATED = [*SWEEP, "evaluate=false"]
 SUBMITIT = ["hydra/launcher=submitit_local", "hydra.launcher.timeout_min=5"]
 
 
 @pytest.fixture(autouse=True)
-def _elsewhere(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def _without_processes(elsewhere):
     yield
     get_reusable_executor().shutdown()  # joblib keeps its processes, which would stay in this test's folder
 
@@ -108,9 +107,8 @@ def test_a_failed_job_is_named_and_stops_no_other(monkeypatch, capsys, launcher)
 
 @pytest.mark.slow
 def test_two_by_two_of_the_grid(monkeypatch):
-    arguments = ["-m", "experiment=grid", *TINY, "env.freq=0.2,0.5", "env.hip_k=50,150", "max_iterations=1"]
-    arguments = [argument for argument in arguments if "evaluation.freq" not in argument]
-    call(monkeypatch, "train", *arguments)
+    grid = ["-m", "experiment=grid", "env.freq=0.2,0.5", "env.hip_k=50,150"]
+    call(monkeypatch, "train", *grid, *ANY_FREQ, *CONSTANT, NO_FIGURES, "max_iterations=1")
     rows = [table(job / "evaluation" / "metrics.csv") for job in run_dir.runs_in(Path("runs/grid"))]
     cells = {(float(row["freq_hz"]), float(row["hip_k_nm_per_rad"])) for (row,) in rows}
     assert cells == {(0.2, 50.0), (0.2, 150.0), (0.5, 50.0), (0.5, 150.0)}
@@ -124,9 +122,8 @@ def test_a_wrong_value_is_refused_before_the_first_job(monkeypatch, capsys):
 
 def test_the_policies_of_a_sweep_in_every_experiment(monkeypatch, capsys):
     """Experiments without training take the policies of another and write to their own folder; repeated, they only read."""
-    quick = [argument for argument in TINY if not argument.startswith("evaluation.freq")]
-    call(monkeypatch, "train", "-m", "experiment=frequency", *quick, "seed=1,2", "evaluate=false")
-    evaluation = [argument for argument in quick if argument.startswith("evaluation")]
+    call(monkeypatch, "train", "-m", "experiment=frequency", *ANY_FREQ, *CONSTANT, "seed=1,2", "evaluate=false")
+    evaluation = [*SHORT, NO_FIGURES]
     for experiment, name in (("load", "load-4"), ("ramp", "job")):
         change = ["env.load=0,4"] if experiment == "load" else []
         call(monkeypatch, "eval", "-m", f"experiment={experiment}", "ckpt=runs/frequency", *change, *evaluation)

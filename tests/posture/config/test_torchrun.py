@@ -6,12 +6,9 @@ from posture.config import torchrun
 from posture.storage.run_dir import folder_for
 from tests.commands import answer
 
+pytestmark = pytest.mark.usefixtures("elsewhere")
+
 SET_BY_TORCHRUN = dict(zip(torchrun.VARIABLES, ("1", "2", "1", "localhost", "29500"), strict=True))
-
-
-@pytest.fixture(autouse=True)
-def _elsewhere(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture

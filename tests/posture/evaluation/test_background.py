@@ -98,7 +98,7 @@ def test_a_plateau_ends_the_training_which_can_be_resumed(ratios, monkeypatch, c
     call(monkeypatch, *command)  # the same command has nothing left to do
     assert "already trained" in capsys.readouterr().out and iterations("run")[-1] == 10
     line = refused(monkeypatch, capsys, "train", "resume=run", "max_iterations=14")
-    assert "patience = 2 ended it after 10 iterations" in line
+    assert "patience = 2 ended this training after 10 iterations" in line
     line = refused(monkeypatch, capsys, "train", "resume=run", "max_iterations=14", "evaluate_every=0")
     assert "evaluate_every = 0" in line
     line = refused(monkeypatch, capsys, "train", "resume=run", "max_iterations=14", "evaluate_every=null", "patience=3")

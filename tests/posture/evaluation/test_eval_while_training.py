@@ -13,16 +13,14 @@ import torch
 
 from posture.storage import checkpoint
 from posture.storage.run_dir import iteration_of, newest_model
-from tests.commands import TINY, call, runs
+from tests.commands import CONSTANT, SHORT, TINY, call, runs
 
-# Constant weights: schedules are shares of the training, and the two trainings that are compared differ in length.
-CONSTANT = ["env.reward.stay_weight=1.5", "env.reward.target_weight=1.5", "env.reward.ended=-9", "agent.std_floor=null"]
 LEARNING = [
     *(a for a in TINY if "max_iterations" not in a and "save_interval" not in a),
     "agent.save_interval=5",
     *CONSTANT,
 ]
-EVALUATION = [*(a for a in TINY if a.startswith("evaluation")), "evaluation.figures=false", "evaluation.freq=[0.5]"]
+TRIAL = [*SHORT, "evaluation.figures=false", "evaluation.freq=[0.5]"]
 
 opened: list[tuple[str, str]] = []
 """Changes of files by this process: audit event and path. An audit hook cannot be removed, so it is module-wide."""
@@ -76,10 +74,10 @@ def test_an_evaluation_is_reproducible_and_changes_no_file_of_the_run(training, 
     before = {path: path.read_bytes() for path in run.iterdir() if path.suffix == ".yaml" or path.name.startswith("model_")}
     sys.addaudithook(_watch)
     opened.clear()
-    call(monkeypatch, "eval", f"ckpt={run}", *EVALUATION)
+    call(monkeypatch, "eval", f"ckpt={run}", *TRIAL)
     (own,) = (path for path in run.iterdir() if path.is_dir())
     number = own.name.split("_")[2]  # evaluation_model_<n>_<what differs>
-    call(monkeypatch, "eval", f"ckpt={run}/model_{number}.pt", "out=again", *EVALUATION)
+    call(monkeypatch, "eval", f"ckpt={run}/model_{number}.pt", "out=again", *TRIAL)
     # A check whether the folder can be written opens the folder itself, for a file without a name.
     written = {path for _, path in opened if path.startswith(f"{run}/")}
     after = newest_model(run)

@@ -24,12 +24,9 @@ from tests.commands import refused
 from tests.conftest import composed
 from tests.posture.film.test_video import decode_gif, decode_mp4
 
+pytestmark = pytest.mark.usefixtures("elsewhere")
+
 HEIGHT = 1.7  # of the target [m], paper Table 1
-
-
-@pytest.fixture(autouse=True)
-def _in_tmp_path(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 def configured(*overrides):
@@ -113,9 +110,10 @@ def test_unusable_ffmpeg_is_refused_before_drawing(monkeypatch, capsys, tmp_path
 
 
 def test_command_writes_both_files_without_a_display(tmp_path):
-    """One cycle at 0.15 Hz lasts 6.67 s, 40 frames at 6 frames per second."""
+    """One cycle at 0.5 Hz lasts 2 s, 12 frames at 6 frames per second."""
     environ = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY", "MPLBACKEND")}
-    arguments = ["ckpt=pretrained", "env.freq=0.15,1.5", "films=[two_modes]", "out=here", "width=60", "fps=6", "settle=0"]
+    tiny = ["films=[two_modes]", "width=60", "fps=6", "settle=4", "shortest=1.9"]
+    arguments = ["ckpt=pretrained", "env.freq=0.5,1.5", "out=here", *tiny]
     done = subprocess.run(
         [sys.executable, "-m", "posture.film", *arguments],
         cwd=tmp_path,
@@ -128,10 +126,10 @@ def test_command_writes_both_files_without_a_display(tmp_path):
     assert {path.name for path in (tmp_path / "here").iterdir()} == {"two_modes.mp4", "two_modes.gif"}
     frames, duration, codec = decode_mp4(tmp_path / "here" / "two_modes.mp4")
     # Two panels of 60 px; the height is 60 * 4.5 / 3.6 = 75 px, rounded to an even number.
-    assert frames.shape[0] == 40 and frames.shape[2] == 120 and frames.shape[1] in (74, 76) and codec == "h264"
-    assert duration == pytest.approx(1 / 0.15, abs=0.02)
+    assert frames.shape[0] == 12 and frames.shape[2] == 120 and frames.shape[1] in (74, 76) and codec == "h264"
+    assert duration == pytest.approx(2.0, abs=0.02)
     images, lengths, loops = decode_gif(tmp_path / "here" / "two_modes.gif")
-    assert images.shape == frames.shape and sum(lengths) == pytest.approx(6.67) and loops == 0
+    assert images.shape == frames.shape and sum(lengths) == pytest.approx(2.0) and loops == 0
     for film_frames in (frames, images):
         moved = np.abs(np.diff(film_frames.astype(int), axis=0)).max(axis=(1, 2, 3))
         assert (moved > 30).all() and (film_frames.std(axis=(1, 2, 3)) > 20).all()

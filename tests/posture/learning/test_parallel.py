@@ -1,54 +1,27 @@
 """Training shared among processes: together they are one batch of worlds, one policy and one normalisation."""
 
 import multiprocessing
-import os
 import resource
-import signal
 import socket
 import sys
 import tempfile
-import threading
-import time
 
 import pytest
 import torch
 import torch.distributed as dist
-from rsl_rl.modules import EmpiricalNormalization
 from rsl_rl.storage import RolloutStorage
 from tensordict import TensorDict
 
-from envs.config import ConstraintOverflowError
 from envs.task.head_tracking import HeadTrackingEnv
 from posture.config import torchrun
 from posture.config.errors import RunError
 from posture.learning import parallel
 from posture.learning.ppo import ShuffledStorage
 from posture.learning.shared_memory import _create_group
+from tests.posture.learning.processes import exchange, fail, samples_of, work_on
 
 SIZE = 3
 """Processes of the exchanges below."""
-
-
-def samples_of(rank):
-    """Two updates of 500 samples with three components; the mean of the last is large against its deviation."""
-    noise = torch.randn(2, 500, 3, generator=torch.Generator().manual_seed(rank))
-    return noise * torch.tensor([1.0, 1.0 + rank, 0.1]) + torch.tensor([0.0, rank, 1000.0])
-
-
-def exchange():
-    """One of each collective operation, and a normaliser that has seen this process's samples."""
-    rank = parallel.rank()
-    total = torch.arange(600_000, dtype=torch.float32) * (rank + 1)  # more than two buffers
-    dist.all_reduce(total)
-    sent = torch.tensor([7, 8, 9]) if rank == 1 else torch.zeros(3, dtype=torch.long)
-    dist.broadcast(sent, src=1)
-    blocked = {signal.SIGINT, signal.SIGTERM} <= signal.pthread_sigmask(signal.SIG_BLOCK, ())
-    states = parallel.gather({"rank": rank, "blocked": blocked, "tensor": torch.full((400_000,), float(rank))})
-    conditions = parallel.any_process(rank == 1, "cpu"), parallel.any_process(False, "cpu")
-    normalizer = EmpiricalNormalization(3)
-    for samples in samples_of(rank):
-        normalizer.update(samples)
-    return total, sent, states, conditions, normalizer
 
 
 @pytest.fixture(scope="module")
@@ -79,16 +52,6 @@ def test_normaliser_has_the_moments_of_all_samples(exchanged):
     assert normalizer.std.double() == pytest.approx(samples.std(0, unbiased=False), rel=1e-4)
 
 
-def fail(how):
-    if parallel.rank() == 0:
-        return
-    if how == "killed":
-        os.kill(os.getpid(), signal.SIGKILL)
-    if how == "overflow":
-        raise ConstraintOverflowError("env.solver.contacts = 4, needed at least 5")
-    sys.exit(3)
-
-
 @pytest.mark.parametrize(
     ("how", "message"),
     [
@@ -116,11 +79,6 @@ def test_processes_that_cannot_connect_are_an_error(monkeypatch):
             parallel.worker_processes(2, "cpu", fail, "killed"),
         ):
             pass
-
-
-def work_on():
-    if parallel.rank() != 0:
-        threading.Thread(target=time.sleep, args=(60,)).start()  # the process exits after its threads
 
 
 def test_worker_that_exits_late_has_not_failed(monkeypatch):

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from envs.task import bodies
 from envs.task.bodies import COLUMNS
 from posture.analysis.results import LeastCost, Origin, Result
 from posture.cli import jobs
@@ -37,7 +38,7 @@ def test_trials_are_those_of_posture_eval():
     """Bodies of one batch, each beside a trial of its own."""
     model = run_dir.find_checkpoint("pretrained")
     run = run_dir.read_config(model.parent)
-    evaluation = run.evaluation.model_copy(update={"duration": 20.0})
+    evaluation = run.evaluation.model_copy(update={"duration": 12.0})
     plain = {"joint_damping": 1.0, "friction": 1.0, "tolerance": evaluation.tolerance}
     rows = np.array(
         [
@@ -45,9 +46,9 @@ def test_trials_are_those_of_posture_eval():
             for freq, load in ((0.5, 2.0), (1.2, 0.0))
         ]
     )
-    found = with_least_cost(evaluate_many(model, run, rows, evaluation, "cpu"), least_costs_of(rows, run.env, 20.0))
+    found = with_least_cost(evaluate_many(model, run, rows, evaluation, "cpu"), least_costs_of(rows, run.env, 12.0))
     for one, (freq, load) in zip(found, ((0.5, 2.0), (1.2, 0.0)), strict=True):
-        (expected,), _ = evaluate_at([freq], "pretrained", 20.0, **BODY | {"load": load})
+        (expected,), _ = evaluate_at([freq], "pretrained", 12.0, **BODY | {"load": load})
         assert one.cost == pytest.approx(expected.cost, rel=1e-4) and one.cost_ratio == pytest.approx(
             expected.cost_ratio, rel=1e-4
         )
@@ -103,24 +104,25 @@ def test_stiff_hips_are_in_phase_at_all_low_frequencies():
 
 def test_transitions_of_policy_and_theory():
     """The policy's by interpolation; theory's of the default body are those of posture.theory (docs/theory.md)."""
-    config = map_config("varied={hip_k:[125],ankle_k:[],load:[],amplitude:[]}", "random=0", *SMALL)
+    config = map_config("varied={hip_k:[125],ankle_k:[],load:[],amplitude:[]}", "search=[0.6,0.7]", "random=0", *SMALL)
     results = [row(0.6, 0.5, 1.0, hip_k=125.0), row(0.7, -0.5, 1.0, hip_k=125.0)]
     (answer,) = transitions(config, compose().env, Trials(2 * ["hip_k"], np.zeros((2, 8))), {1: results})
     assert answer.policy_hz == pytest.approx(0.65)
-    assert answer.least_hz == pytest.approx(0.627, abs=0.03) and answer.reward_hz == pytest.approx(0.677, abs=0.003)
+    assert answer.least_hz == pytest.approx(0.656, abs=0.002) and answer.reward_hz == pytest.approx(0.677, abs=0.003)
 
 
 def test_the_command_from_a_training_on(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(bodies, "ROWS", 16)  # their least costs take a minute
     call(monkeypatch, "train", *TINY, "env=many_bodies", "agent=universal", "evaluate=false")
-    varied = "varied={hip_k:[100],ankle_k:[],load:[4],amplitude:[]}"
-    call(monkeypatch, "map", f"ckpt={runs()[0]}", varied, "random=4", "out=map", *SMALL)
+    conditions = ["varied={hip_k:[100],ankle_k:[],load:[4],amplitude:[]}", "search=[0.6,0.7]", "random=1", "out=map", *SMALL]
+    call(monkeypatch, "map", f"ckpt={runs()[0]}", *conditions)
     rows = table(Path("map/map.csv"))
-    assert [one["varied"] for one in rows] == 2 * ["hip_k"] + 2 * ["load"] + 4 * ["random"]
+    assert [one["varied"] for one in rows] == 2 * ["hip_k"] + 2 * ["load"] + ["random"]
     assert all(float(one["least_cost"]) > 0 for one in rows)
     assert {one["varied"] for one in table(Path("map/agreement.csv"))} == {"hip_k", "load", "random"}
     assert len(table(Path("map/transitions.csv"))) == 2 and Path("map/map.png").stat().st_size > 10_000
-    again = ["map", f"ckpt=[{runs()[0]}]", varied, "random=4", "out=map", "again=false", *SMALL]
+    again = ["map", f"ckpt=[{runs()[0]}]", "again=false", *conditions]
     call(monkeypatch, *again)
     assert capsys.readouterr().out.endswith(f"made before: {Path('map').resolve()}\n")
     Path("map/map.csv").unlink()

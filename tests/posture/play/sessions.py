@@ -27,10 +27,21 @@ class InlineWorker:
         return future
 
 
+READ = {}
+
+
+def policies(config):
+    """The policies that the page offers. Reading the shipped ones takes a third of a second, so that it is done once."""
+    key = config.ckpt, config.lqr.model_dump_json()
+    if key not in READ:
+        READ[key] = policy_choices(config.ckpt, config.lqr)
+    return READ[key]
+
+
 def new_session(body, *overrides):
     """A session with these overrides."""
     config = compose_play(*overrides)
-    return Session(config, policy_choices(config.ckpt, config.lqr), body, InlineWorker())
+    return Session(config, policies(config), body, InlineWorker())
 
 
 def advance(session, seconds):

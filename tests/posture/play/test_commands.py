@@ -13,12 +13,9 @@ import pytest
 
 from tests.commands import call, refused
 
+pytestmark = pytest.mark.usefixtures("elsewhere")
+
 ROOT = Path(__file__).parents[3]
-
-
-@pytest.fixture(autouse=True)
-def _in_tmp_path(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -101,11 +98,10 @@ def running(folder):
 
 
 def stop(process, number):
-    """Send a signal; the exit code, and what was printed after it."""
+    """Send a signal; the exit code, and what was printed after it to stdout and stderr."""
     os.killpg(process.pid, number)
     out, err = process.communicate(timeout=30)
-    assert "Traceback" not in err and "error" not in err, err
-    return process.returncode, out
+    return process.returncode, out, err
 
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
@@ -119,7 +115,8 @@ def test_page_is_local_and_stops_on_a_signal(tmp_path, number, code):
         sockets = [row.split() for row in Path("/proc/net/tcp").read_text().splitlines()[1:]]
         listening = [row[1] for row in sockets if row[3] == "0A"]
         assert f"0100007F:{port:04X}" in listening and f"00000000:{port:04X}" not in listening
-        assert stop(process, number) == (code, "")
+        *stopped, errors = stop(process, number)
+    assert stopped == [code, ""] and "Traceback" not in errors and "error" not in errors, errors
     with pytest.raises(OSError):
         socket.create_connection(("127.0.0.1", port), timeout=1)
 
@@ -127,8 +124,9 @@ def test_page_is_local_and_stops_on_a_signal(tmp_path, number, code):
 def test_interrupted_during_start_up(tmp_path):
     with running(tmp_path) as process:
         time.sleep(1.5)
-        code, errors = stop(process, signal.SIGINT)
-    assert code == 130 and "Traceback" not in errors  # torch, interrupted while it is imported, may log a line at exit
+        *stopped, errors = stop(process, signal.SIGINT)
+    # torch, interrupted while it is imported, may log a line at exit.
+    assert stopped == [130, ""] and "Traceback" not in errors, errors
 
 
 def test_recording_is_one_small_file(monkeypatch, capsys, tmp_path):

@@ -14,9 +14,8 @@ from websockets.sync.client import connect
 
 from posture.config.errors import ConfigError
 from posture.play import server as server_module
-from posture.play.policies import policy_choices
 from posture.play.server import Server
-from tests.posture.play.sessions import compose_play
+from tests.posture.play.sessions import compose_play, policies
 
 CAMERA = {"wxyz": [1, 0, 0, 0], "position": [0, -3, 1], "fov": 0.7, "near": 0.1, "far": 100, "image_height": 9}
 CAMERA |= {"image_width": 9, "look_at": [0, 0, 1], "up_direction": [0, 0, 1], "type": "ViewerCameraMessage"}
@@ -78,7 +77,7 @@ def visitor_of(server, page):
 @contextlib.contextmanager
 def serving(*overrides):
     config = compose_play("port=0", *overrides)
-    server = Server(config, policy_choices(config.ckpt, config.lqr), PendingWorker())
+    server = Server(config, policies(config), PendingWorker())
     try:
         yield server
     finally:

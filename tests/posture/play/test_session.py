@@ -26,7 +26,7 @@ from posture.theory.nonlinear import exact_stander
 from posture.theory.stander import linearise
 from posture.theory.transition import bound_transition
 from tests.conftest import composed
-from tests.posture.play.sessions import DT, InlineWorker, advance, compose_play, new_session
+from tests.posture.play.sessions import DT, InlineWorker, advance, compose_play, new_session, policies
 
 MASS_KG, GRAVITY = 40.15, 9.81
 
@@ -222,7 +222,7 @@ def test_every_policy_continues_the_motion_of_one_without_and_one_with_senses(se
 def session_of(body, *names, **changes):
     """A session with these shipped policies, and with `own`: the last of them in an environment with these changes."""
     config = compose_play()
-    by_name = {choice.name: choice for choice in policy_choices(config.ckpt, config.lqr)}
+    by_name = {choice.name: choice for choice in policies(config)}
     choices = [by_name[f"pretrained/{name}"] for name in names]
     own = replace(choices[-1], name="own", env=choices[-1].env.model_copy(update=changes))
     return Session(config, [*choices, own], body, InlineWorker())

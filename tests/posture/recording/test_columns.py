@@ -1,10 +1,13 @@
 """Which column is what, in which unit and with which sign: the same motion in the conventions of several programs."""
 
+import math
+
 import numpy as np
 import pytest
 
 from posture.config.errors import ConfigError
 from posture.recording.columns import known_name, read_recording
+from posture.recording.indices import measure
 from tests.posture.recording.people import config, lines, recording, times, write
 
 MOTION = recording(0.5, 40.0, times(2.0))
@@ -41,12 +44,14 @@ def test_the_same_motion_in_each_convention(tmp_path, names, factor, overrides):
     assert found.head is None and found.target is None and not found.simulated
 
 
-def test_signs_of_correlation():
-    """The table in docs/people.md: both signs reversed keep r, one reversed turns it."""
-    hip, ankle = MOTION.hip, MOTION.ankle
-    r = np.corrcoef(hip, ankle)[0, 1]
-    assert np.corrcoef(-hip, -ankle)[0, 1] == pytest.approx(r)
-    assert np.corrcoef(-hip, ankle)[0, 1] == pytest.approx(-r)
+@pytest.mark.parametrize(
+    ("overrides", "sign"), [(["scale.hip=-1"], -1), (["scale.ankle=-1"], -1), (["scale.hip=-1", "scale.ankle=-1"], 1)]
+)
+def test_signs_of_correlation(tmp_path, overrides, sign):
+    """The table in docs/people.md: both signs reversed keep r, one reversed turns it. It is cos 40 deg."""
+    found = read(tmp_path, lines(MOTION, "time,hip_left_angle_rad,ankle_left_angle_rad"), *overrides)
+    settings = {"transient_s": 0.0, "tolerance_m": 0.025, "still_joint_deg": 0.5, "torque_limit": 100.0}
+    assert measure(found, 0.5, **settings)[0].hip_ankle_r == pytest.approx(sign * math.cos(math.radians(40)))
 
 
 def test_left_and_right_are_averaged(tmp_path):

@@ -15,9 +15,11 @@ SHIPPED_SEED = 1  # conf/report.yaml
 REPRODUCTION = Path(__file__).parents[3] / "results" / "reproduction"
 TABLES = REPRODUCTION / "tables"
 PYTHON = (3, 11)  # of the published results; digests of code differ between minor versions of Python
-COMPARED = ("hip_ankle_r", "target_head_r", "head_amplitude_m", "energy_j", "cost")
-# Another processor rounds differently, and the differences grow over a hundred seconds of feedback with soft contact.
-TOLERANCE = 0.01
+CORRELATIONS = ("hip_ankle_r", "target_head_r")
+COMPARED = (*CORRELATIONS, "head_amplitude_m", "energy_j", "cost")
+# Another processor rounds differently, and the differences grow over a hundred seconds of feedback with soft contact. The
+# engines differ by at most 0.00012 in what is compared here. Absolute for correlations, relative for all else.
+TOLERANCE = 0.002
 
 pytestmark = pytest.mark.skipif(not PRETRAINED.is_dir(), reason="no policies are shipped yet")
 
@@ -81,7 +83,8 @@ def test_evaluated_again_they_give_the_published_numbers(monkeypatch, name, expe
     for one, other in zip(ours, rows, strict=True):
         assert one.mode == other.mode and one.valid and other.valid
         for column in COMPARED:
-            assert math.isclose(getattr(one, column), getattr(other, column), rel_tol=TOLERANCE, abs_tol=TOLERANCE), column
+            allowed = {"rel_tol": 0.0, "abs_tol": TOLERANCE} if column in CORRELATIONS else {"rel_tol": TOLERANCE}
+            assert math.isclose(getattr(one, column), getattr(other, column), **allowed), column
 
 
 def test_evaluation_writes_nothing_into_the_package(monkeypatch):

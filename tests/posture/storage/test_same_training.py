@@ -17,12 +17,9 @@ from tests.commands import EVALUATION, TINY, answer, call, refused, runs, table
 from tests.conftest import compose
 from tests.posture.storage.test_folders import held_by_another_process
 
+pytestmark = pytest.mark.usefixtures("elsewhere")
+
 QUICK = [*TINY, "evaluate=false"]
-
-
-@pytest.fixture(autouse=True)
-def _elsewhere(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture
@@ -155,7 +152,10 @@ def test_a_stopped_evaluation_leaves_no_empty_folder(tmp_path):
     process = subprocess.Popen(
         [sys.executable, "-m", "posture.eval", *arguments], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
     )
-    time.sleep(4)
+    deadline = time.monotonic() + 60.0
+    while not runs():
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.1)
     process.send_signal(signal.SIGTERM)
     process.communicate(timeout=60)
     assert process.returncode == 143 and runs() == [] and list(tmp_path.iterdir()) == []
