@@ -60,7 +60,10 @@ STATED = [
     ("docs/learning.md", "({mean:.3f} Hz on average)"),
     ("docs/learning.md", "The policies of seeds 1 to 5 switch at {low:.3f} to {high:.3f} Hz"),
     ("docs/learning.md", "earlier than the linear optimum's, by {gap:.3f} Hz"),
-    ("docs/human.md", "| switch at constant frequency [Hz], of the trials of `fluctuation` | {human} | {switches_of_three} |"),
+    (
+        "docs/human.md",
+        "| switch at constant frequency [Hz], of the trials of `fluctuation` | {human} | {switches_of_three} |",
+    ),
     ("docs/human.md", "| cost over least cost, mean of the ten | {human_costs} | {costs_of_three} |"),
     ("paper.md", "switch at {low:.3f} to {high:.3f} Hz and cost {cheapest:.3f} to {dearest:.3f} times the least"),
     ("paper.md", "switch at {human_low:.3f} to {human_high:.3f} Hz"),
