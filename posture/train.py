@@ -184,8 +184,9 @@ def _differences(source: TrainConfig, own: TrainConfig, name: str) -> str:
         for one in (source, own)
     )
     if seen != wanted:
-        extra = f" ({', '.join(sorted({*seen} ^ {*wanted}))})" if {*seen} != {*wanted} else ""
-        return f"other observations than this training{extra}" if extra else "its observations in another order"
+        if {*seen} == {*wanted}:
+            return "its observations in another order"
+        return f"other observations than this training ({', '.join(sorted({*seen} ^ {*wanted}))})"
     layers = [
         getattr(one.agent, name).model_dump(mode="json", exclude={"distribution_cfg": {"init_std", "std_range"}})
         for one in (source, own)

@@ -83,14 +83,14 @@ def make_plan(config: ReproduceConfig) -> Plan:
     """Compose and check the jobs of every experiment.
 
     Raises ConfigError for a wrong override, and if nothing is done that the stages need. That is found as early as possible,
-    since composing all jobs takes some ten seconds.
+    since composing all jobs is slow.
     """
     GlobalHydra.instance().clear()  # Hydra composes one command line at a time
     trainings: dict[str, Sequence[Job]] = {}
     for name in TRAININGS:  # Exp. 1 is the first
         trainings[name] = jobs.check("train", TrainConfig, [*training(name, config), *_launcher(config)]).jobs
-        if not {"train", "evaluate"} & set(config.stages):
-            _check_done(trainings["frequency"])
+        if name == "frequency" and not {"train", "evaluate"} & set(config.stages):
+            _check_done(trainings[name])
     wanted = {
         name: [job for job in own if name in config.experiments and _seed(job) <= config.seeds]
         for name, own in trainings.items()

@@ -39,7 +39,7 @@ def write_config(run: Path, config: TrainConfig, begun_from: Path | None = None,
     """Save the resolved configuration in the folder `run`, and this start in its provenance.yaml.
 
     begun_from: the checkpoint whose weights this start took, if any. resumed: the start goes on from earlier ones, which are
-    kept; without it they saved nothing, and are dropped.
+    kept; without it they saved nothing, and are dropped. Raises ConfigError if provenance.yaml is not a list of starts.
     """
     yaml_files.write_yaml(run / "config.yaml", {"version": VERSION, **config.model_dump(mode="json")})
     start: dict[str, Any] = {

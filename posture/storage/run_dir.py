@@ -96,9 +96,10 @@ def find_checkpoints(name: str | Sequence[str], wanted: Callable[[Path], bool] |
             )
         return [path]
     elif path.is_dir():
-        runs = [run for run in runs_in(path) if wanted is None or wanted(run)]
-        if not runs_in(path):
+        all_runs = runs_in(path)
+        if not all_runs:
             raise ConfigError(f"{name}: neither a run folder (with config.yaml) nor a sweep of such folders")
+        runs = [run for run in all_runs if wanted is None or wanted(run)]
         if not runs:
             raise ConfigError(f"{name}: no run in it is finished and of the current code; train them again")
     else:

@@ -10,9 +10,10 @@ import torch
 import yaml
 
 from posture.config.errors import ConfigError
+from posture.learning import parallel
 from posture.learning.learner import Learner
 from posture.storage import checkpoint
-from posture.train import _report_unfinished_schedules
+from posture.train import _learn, _report_unfinished_schedules
 from tests.commands import TINY, call, refused, same
 from tests.conftest import compose
 
@@ -157,3 +158,10 @@ def test_with_a_recurrent_layer_every_mini_batch_has_worlds():
         with pytest.raises(ConfigError, match=f"num_envs = {worlds}: with a recurrent layer allowed is .*, 16"):
             compose("senses=recurrent", f"env.num_envs={worlds}", "processes=1")
     assert compose("senses=recurrent", "env.num_envs=32", "processes=1").env.num_envs == 32
+
+
+def test_processes_of_torchrun_do_not_share_a_gpu(monkeypatch, tmp_path):
+    monkeypatch.setattr(parallel, "size", lambda: 2)
+    with pytest.raises(ConfigError, match="each process has a GPU of its own; give cuda, not cuda:0"):
+        _learn(compose("device=cuda:0"), tmp_path, False, 1)
+    assert list(tmp_path.iterdir()) == []

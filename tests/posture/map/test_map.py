@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from envs.body.segments import read_segments
 from envs.task import bodies
 from envs.task.bodies import COLUMNS
 from posture.analysis.results import LeastCost, Origin, Result
@@ -16,6 +17,8 @@ from posture.evaluation.trial import evaluate_at
 from posture.map.summary import Transition, agreement, transitions
 from posture.map.trials import RANDOM, Trials, trials
 from posture.storage import run_dir
+from posture.theory.stander import linearise
+from posture.theory.transition import bound_transition, reward_transition
 from tests.commands import TINY, call, refused, runs, table
 from tests.conftest import compose
 
@@ -38,7 +41,8 @@ def test_trials_are_those_of_posture_eval():
     """Bodies of one batch, each beside a trial of its own."""
     model = run_dir.find_checkpoint("pretrained")
     run = run_dir.read_config(model.parent)
-    evaluation = run.evaluation.model_copy(update={"duration": 12.0})
+    duration = 12.0
+    evaluation = run.evaluation.model_copy(update={"duration": duration})
     plain = {"joint_damping": 1.0, "friction": 1.0, "tolerance": evaluation.tolerance}
     rows = np.array(
         [
@@ -46,9 +50,9 @@ def test_trials_are_those_of_posture_eval():
             for freq, load in ((0.5, 2.0), (1.2, 0.0))
         ]
     )
-    found = with_least_cost(evaluate_many(model, run, rows, evaluation, "cpu"), least_costs_of(rows, run.env, 12.0))
+    found = with_least_cost(evaluate_many(model, run, rows, evaluation, "cpu"), least_costs_of(rows, run.env, duration))
     for one, (freq, load) in zip(found, ((0.5, 2.0), (1.2, 0.0)), strict=True):
-        (expected,), _ = evaluate_at([freq], "pretrained", 12.0, **BODY | {"load": load})
+        (expected,), _ = evaluate_at([freq], "pretrained", duration, **BODY | {"load": load})
         assert one.cost == pytest.approx(expected.cost, rel=1e-4) and one.cost_ratio == pytest.approx(
             expected.cost_ratio, rel=1e-4
         )
@@ -103,12 +107,15 @@ def test_stiff_hips_are_in_phase_at_all_low_frequencies():
 
 
 def test_transitions_of_policy_and_theory():
-    """The policy's by interpolation; theory's of the default body are those of posture.theory (docs/theory.md)."""
+    """The policy's by interpolation; theory's of the default body are those of posture.theory."""
     config = map_config("varied={hip_k:[125],ankle_k:[],load:[],amplitude:[]}", "search=[0.6,0.7]", "random=0", *SMALL)
     results = [row(0.6, 0.5, 1.0, hip_k=125.0), row(0.7, -0.5, 1.0, hip_k=125.0)]
-    (answer,) = transitions(config, compose().env, Trials(2 * ["hip_k"], np.zeros((2, 8))), {1: results})
+    env, search = compose().env, config.search
+    (answer,) = transitions(config, env, Trials(2 * ["hip_k"], np.zeros((2, 8))), {1: results})
     assert answer.policy_hz == pytest.approx(0.65)
-    assert answer.least_hz == pytest.approx(0.656, abs=0.002) and answer.reward_hz == pytest.approx(0.677, abs=0.003)
+    stander = linearise(read_segments(env), env)
+    assert answer.least_hz == pytest.approx(bound_transition(stander, env.amplitude, config.evaluation.tolerance, search))
+    assert answer.reward_hz == pytest.approx(reward_transition(stander, env, config.evaluation.tolerance, search))
 
 
 def test_the_command_from_a_training_on(tmp_path, monkeypatch, capsys):

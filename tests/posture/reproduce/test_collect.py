@@ -38,8 +38,9 @@ def test_a_result_gets_the_optimum_of_its_own_condition() -> None:
 
 def test_without_a_frequency_every_result_does_if_there_is_a_motion() -> None:
     trials = [result(freq_hz=0.3), result(freq_hz=1.5, amplitude_m=1.0)]  # the second head would need 89 m/s2
-    slow, impossible = _with_reward_optimum(trials, compose("experiment=frequency"), None)
-    assert slow.reward.hip_ankle_r == pytest.approx(0.984, abs=0.001)  # results/reproduction/tables/frequency.csv
+    run = compose("experiment=frequency")
+    slow, impossible = _with_reward_optimum(trials, run, None)
+    assert slow.reward.hip_ankle_r == pytest.approx(hip_ankle_correlation(optimum(run.env, 0.3)), abs=1e-6)
     assert impossible.reward is NO_REWARD
 
 
