@@ -39,3 +39,19 @@ def verdicts(
         *map_claims(stiffness, paper, report),
         amplitude_claim(amplitude, paper.table_3.freq_hz, report),
     ]
+
+
+def one_policy_verdicts(
+    frequency: Sequence[Result],
+    ramp: Sequence[Result],
+    load: Sequence[Result],
+    paper: Published,
+    transitions: Transitions,
+    report: ReportConfig,
+) -> list[Verdict]:
+    """Verdicts on the claims about Exp. 1, 4a and 4b, for which one policy for all frequencies is enough."""
+    return [
+        *frequency_claims(frequency, paper, transitions, report.claims),
+        ramp_claim(ramp, paper.experiment_4a, transitions, report.claims),
+        load_claim(load, paper.experiment_4b, report),
+    ]

@@ -14,14 +14,20 @@ from posture.reproduce.quantities import COST_RATIO, FREQ
 from posture.reproduce.reproduction import Recipe, Reproduction
 
 
-def findings(reproduction: Reproduction, verdicts: Sequence[Verdict], paper: Published) -> str:
-    """A numbered list in Markdown, without what was not measured; empty if that is all."""
+def findings(
+    reproduction: Reproduction,
+    verdicts: Sequence[Verdict],
+    by_recipe: Mapping[str, Sequence[Verdict]],
+    paper: Published,
+) -> str:
+    """A numbered list in Markdown, without what was not measured; empty if that is all. `by_recipe`: verdicts from each
+    training of Exp. 1."""
     measured = {verdict.key: verdict for verdict in verdicts if verdict.verdict is not Outcome.NOT_MEASURED}
     found = [
         _switch(reproduction, measured, paper),
         _theory(reproduction, paper),
         _stiffness(measured),
-        _as_published(reproduction.recipes),
+        _as_published(reproduction.recipes, by_recipe),
         _not_reproduced(measured),
     ]
     return "\n".join(f"{number}. {text}" for number, text in enumerate(filter(None, found), 1))
@@ -57,12 +63,16 @@ def _stiffness(measured: Mapping[str, Verdict]) -> str:
     return f"**Hip stiffness.** {'; '.join(texts)}." if texts else ""
 
 
-def _as_published(recipes: Sequence[Recipe]) -> str:
+def _as_published(recipes: Sequence[Recipe], by_recipe: Mapping[str, Sequence[Verdict]]) -> str:
     texts = []
     for recipe in recipes:
         mean = mean_of(list(switches(recipe.frequency).values()))
         trained = f"{mean.text('.3f')} Hz" if mean.n else "no single switch"
-        texts.append(f"{RECIPES[recipe.name]} {trained} (best for its reward: {in_hz(recipe.reward_hz)})")
+        outcomes = [verdict.verdict for verdict in by_recipe[recipe.name]]
+        texts.append(
+            f"{RECIPES[recipe.name]} {trained} (best for its reward: {in_hz(recipe.reward_hz)}), "
+            f"{outcomes.count(Outcome.REPRODUCED)} of {len(outcomes)} claims reproduced"
+        )
     return f"**The training matters.** Where the modes switch: {'; '.join(texts)}." if texts else ""
 
 

@@ -12,7 +12,7 @@ from posture.analysis.results import write_csv, write_rows
 from posture.config.published import Published
 from posture.config.reproduce import ReportConfig
 from posture.config.train import TrainConfig
-from posture.reproduce.claims.evaluate import verdicts
+from posture.reproduce.claims.evaluate import one_policy_verdicts, verdicts
 from posture.reproduce.claims.rules import Outcome
 from posture.reproduce.claims.targets import targets
 from posture.reproduce.claims.verdict import Transitions, Verdict, in_hz
@@ -85,9 +85,17 @@ def _sections(
         tables.target_table(targets(results, paper, reproduction.transitions, report)),
         text.STRICTER,
     ]
+    by_recipe = {
+        own.name: one_policy_verdicts(own.frequency, own.ramp, own.load, paper, reproduction.transitions, report)
+        for own in reproduction.recipes
+    }
     published: list[str | page.Table] = []
-    if reproduction.recipes:
-        published = [text.AS_PUBLISHED, tables.recipe_table(reproduction.recipes, paper)]
+    if by_recipe:
+        published = [
+            text.AS_PUBLISHED,
+            tables.recipe_table(reproduction.recipes, paper),
+            tables.recipe_verdict_table(by_recipe),
+        ]
     body = [
         tables.body_table(reproduction.body, run.env.torque_limit, paper),
         tables.learning_table(run, paper.table_2),
@@ -105,7 +113,7 @@ def _sections(
     of_people = [tables.dynamics_table(reproduction.dynamics)] if reproduction.dynamics else []
     in_engines = [tables.engine_table(engines)] if engines else []
     sections = [
-        Section("In short", "short", [*shown("overview"), findings(reproduction, claims, paper)]),
+        Section("In short", "short", [*shown("overview"), findings(reproduction, claims, by_recipe, paper)]),
         Section("Verdicts", "verdicts", overview),
         Section("Theory", "theory", [_theory(reproduction.transitions)]),
         Section("Body and learning", "body", body),

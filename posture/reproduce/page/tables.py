@@ -62,6 +62,15 @@ def verdict_table(verdicts: Sequence[Verdict]) -> Table:
     return Table(["the paper's claim", "verdict", "published", "found"], rows, "The paper's claims and our verdicts")
 
 
+def recipe_verdict_table(by_recipe: Mapping[str, Sequence[Verdict]]) -> Table:
+    """Verdicts on the same claims from each training, by name of its recipe."""
+    rows = []
+    for own in zip(*by_recipe.values(), strict=True):
+        rows.append([f"{own[0].experiment}: {own[0].claim}", *(f"{v.verdict}: {v.finding}" for v in own)])
+    headings = ["the paper's claim", *(RECIPES[name] for name in by_recipe)]
+    return Table(headings, rows, "Verdicts by the same rules, from our training and the published one")
+
+
 def target_table(targets: Sequence[Target]) -> Table:
     """The targets for a well-trained reproduction, and whether they are met."""
     met = {True: "met", False: "**missed**", None: "not measured"}

@@ -3,14 +3,27 @@
 import math
 from dataclasses import replace
 
-from posture.analysis.results import NO_LEAST, RampTransitions
+from posture.analysis.results import NO_LEAST, NO_RAMP, RampTransitions
 from posture.cli.jobs import check
 from posture.config.train import TrainConfig
+from posture.reproduce.claims.evaluate import one_policy_verdicts
 from posture.reproduce.page.page import Table
 from posture.reproduce.page.report import numbers_in_text
-from posture.reproduce.page.tables import energy_table, engine_table, mode_table, ramp_table
+from posture.reproduce.page.tables import energy_table, engine_table, mode_table, ramp_table, recipe_verdict_table
 from posture.reproduce.page.text import FIGURES, HOW_TO_READ
-from tests.posture.reproduce.examples import PAPER, TEN, changed, fallen, frequency_result, paper_results, result, with_r
+from tests.posture.reproduce.examples import (
+    PAPER,
+    REPORT,
+    TEN,
+    TRANSITIONS,
+    changed,
+    fallen,
+    flipped,
+    frequency_result,
+    paper_results,
+    result,
+    with_r,
+)
 
 EXAMPLE = paper_results()
 
@@ -38,6 +51,20 @@ def test_tables_without_theory_and_cost() -> None:
     assert last[0] == "switch [Hz]" and last[1].endswith("(none in 1 of 2)")
     ramp = [result(ramp=RampTransitions(0.7, 3, math.nan, math.nan))]
     assert list(ramp_table(ramp, PAPER.experiment_4a).rows[0]) == ["seed 1", "0.70", "3", "-", "-"]
+
+
+def test_each_training_is_judged_by_its_own_results() -> None:
+    """One that is as the paper reports, and one that has the other mode in every trial and does not switch in the ramp."""
+    frequency, ramp, load = (EXAMPLE[name] for name in ("frequency", "ramp", "load"))
+    other = changed(frequency, flipped), changed(ramp, lambda t: replace(t, ramp=NO_RAMP)), changed(load, flipped)
+    by_recipe = {"frequency": (frequency, ramp, load), "as_run": other}
+    table = recipe_verdict_table({k: one_policy_verdicts(*own, PAPER, TRANSITIONS, REPORT) for k, own in by_recipe.items()})
+    ours, theirs = cells(table, "ours"), cells(table, "authors' code as it was run")
+    assert all(cell.startswith("reproduced: ") for cell in ours) and len(ours) == 9
+    # Modes and switch of Exp. 1, the ramp and the load; ranges, tracking and centre of pressure are those of the paper.
+    failed = [row[0].split(":")[0] for row, cell in zip(table.rows, theirs, strict=True) if cell.startswith("not ")]
+    assert failed == ["Exp. 1", "Exp. 1", "Exp. 4a", "Exp. 4b"]
+    assert "not reproduced: the paper's mode in 0 of 10 conditions" in theirs[0]
 
 
 def test_numbers_in_the_text_are_those_of_the_configuration() -> None:
