@@ -10,6 +10,7 @@ from posture.reproduce.claims.rules import Outcome
 from posture.reproduce.claims.seed_means import mean_of, sample, seed_means, where
 from posture.reproduce.claims.verdict import Verdict, in_hz
 from posture.reproduce.experiments import RECIPES
+from posture.reproduce.page.tables import switch_text
 from posture.reproduce.quantities import COST_RATIO, FREQ
 from posture.reproduce.reproduction import Recipe, Reproduction
 
@@ -66,14 +67,12 @@ def _stiffness(measured: Mapping[str, Verdict]) -> str:
 def _as_published(recipes: Sequence[Recipe], by_recipe: Mapping[str, Sequence[Verdict]]) -> str:
     texts = []
     for recipe in recipes:
-        mean = mean_of(list(switches(recipe.frequency).values()))
-        trained = f"{mean.text('.3f')} Hz" if mean.n else "no single switch"
         outcomes = [verdict.verdict for verdict in by_recipe[recipe.name]]
         texts.append(
-            f"{RECIPES[recipe.name]} {trained} (best for its reward: {in_hz(recipe.reward_hz)}), "
+            f"{RECIPES[recipe.name]}: {switch_text(recipe.frequency)} (best for its reward: {in_hz(recipe.reward_hz)}), "
             f"{outcomes.count(Outcome.REPRODUCED)} of {len(outcomes)} claims reproduced"
         )
-    return f"**The training matters.** Where the modes switch: {'; '.join(texts)}." if texts else ""
+    return f"**The training matters.** Switch of modes in Hz: {'; '.join(texts)}." if texts else ""
 
 
 def _not_reproduced(measured: Mapping[str, Verdict]) -> str:

@@ -247,7 +247,7 @@ def engine_table(results: Results) -> Table:
         at_freq = [where(own, FREQ, [freq]) for own in by_engine.values()]
         correlations = [f"{_mean(own, HIP_ANKLE_R.measured, 2)} {_modes(own)}{_falls(own)}" for own in at_freq]
         rows.append([f"{freq:.2f}", *correlations, *(_mean(own, COST_RATIO.measured, 2) for own in at_freq)])
-    rows.append(["switch [Hz]", *map(_switch, by_engine.values()), *["-"] * len(by_engine)])
+    rows.append(["switch [Hz]", *map(switch_text, by_engine.values()), *["-"] * len(by_engine)])
     titles = [ENGINES[name] for name in by_engine]
     headings = ["f [Hz]", *(f"r, {title}" for title in titles), *(f"cost / least, {title}" for title in titles)]
     caption = f"The same policies in each physics engine, {_seeds(results)}; the switch is interpolated"
@@ -272,7 +272,7 @@ def recipe_table(recipes: Sequence[Recipe], paper: Published) -> Table:
         optima = [where(load, LOAD, [kg])[:1] for kg in loads]
         return [
             (_stood(own), "-"),
-            (_switch(recipe.frequency), in_hz(recipe.reward_hz)),
+            (switch_text(recipe.frequency), in_hz(recipe.reward_hz)),
             (_mean(recipe.ramp, lambda result: result.ramp.transition_centred_hz, 2), "-"),
             (at_ends(own, FREQ, (slow, fast), TARGET_HEAD_R.measured, 4), "-"),
             (at_ends(own, FREQ, (slow, fast), lambda result: 1e3 * COP_SPREAD.measured(result), 0), "-"),
@@ -363,9 +363,15 @@ def _falls(results: Results) -> str:
     return "" if all(result.valid for result in results) else f" ({_stood(results)} stood)"
 
 
-def _switch(results: Results) -> str:
-    """Mean over seeds of the frequency [Hz] at which the correlation changes from in-phase to anti-phase, if once."""
+def switch_text(results: Results) -> str:
+    """Mean over seeds of the frequency [Hz] at which the correlation changes from in-phase to anti-phase, if once.
+
+    Without one: the mode of all trials that stood, if they have the same.
+    """
     mean = mean_of(list(switches(results).values()))
+    modes = {result.mode for result in results if result.valid}
+    if not mean.n and len(modes) == 1:
+        return f"none, {modes.pop()} in all trials that stood"
     return mean.text(".3f") + (f" (none in {mean.trials - mean.n} of {mean.trials})" if mean.n < mean.trials else "")
 
 

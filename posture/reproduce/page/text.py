@@ -41,8 +41,11 @@ Our training differs from the published one in reward, episodes and learner, bec
 Here the published one was run as well: the learner of paper Table 2 with the reward, observations and episodes of the
 authors' code. That code has two errors. The head's distance from its target is summed over all worlds before the reward is
 taken of it, and the energy term multiplies each torque by the velocity of the next joint. One training has them corrected,
-the other has them as they are. What all trainings show comes from the body; what only some show comes from the reward or
-from the learner.
+the other has them as they are.
+
+Theory tells the causes apart. What the least-torque motion shows comes from the body. Where the best motion for the reward
+of a training differs from it, the cause is the reward. Where the policy differs from the best motion for its reward, the
+cause is learning: the learner, what the policy observes, or too few samples.
 """
 
 HOW_IT_WAS_MADE = """

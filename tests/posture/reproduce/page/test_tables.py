@@ -9,7 +9,14 @@ from posture.config.train import TrainConfig
 from posture.reproduce.claims.evaluate import one_policy_verdicts
 from posture.reproduce.page.page import Table
 from posture.reproduce.page.report import numbers_in_text
-from posture.reproduce.page.tables import energy_table, engine_table, mode_table, ramp_table, recipe_verdict_table
+from posture.reproduce.page.tables import (
+    energy_table,
+    engine_table,
+    mode_table,
+    ramp_table,
+    recipe_verdict_table,
+    switch_text,
+)
 from posture.reproduce.page.text import FIGURES, HOW_TO_READ
 from tests.posture.reproduce.examples import (
     PAPER,
@@ -65,6 +72,15 @@ def test_each_training_is_judged_by_its_own_results() -> None:
     failed = [row[0].split(":")[0] for row, cell in zip(table.rows, theirs, strict=True) if cell.startswith("not ")]
     assert failed == ["Exp. 1", "Exp. 1", "Exp. 4a", "Exp. 4b"]
     assert "not reproduced: the paper's mode in 0 of 10 conditions" in theirs[0]
+
+
+def test_where_a_training_switches_or_which_mode_it_has() -> None:
+    assert switch_text([frequency_result(hz) for hz in TEN]).startswith("0.6")  # 0.69 Hz, between two of the ten
+    anti = changed([frequency_result(hz) for hz in TEN], with_r(-0.9))
+    fast_falls = changed(anti, fallen, lambda t: t.freq_hz > 1)
+    assert switch_text(fast_falls) == "none, anti-phase in all trials that stood"
+    back = changed(anti, with_r(0.9), lambda t: t.freq_hz == 1.5)  # it changes the other way
+    assert switch_text(back).startswith("-")
 
 
 def test_numbers_in_the_text_are_those_of_the_configuration() -> None:
