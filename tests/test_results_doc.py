@@ -15,6 +15,7 @@ from posture.analysis.results import read_csv
 from posture.reproduce.claims.frequency import switches
 from posture.reproduce.claims.targets import targets
 from posture.reproduce.claims.verdict import Transitions
+from posture.reproduce.experiments import PUBLISHED
 from tests.commands import table
 from tests.posture.reproduce.examples import PAPER, REPORT, TEN
 
@@ -69,6 +70,16 @@ STATED = [
     ),
     ("docs/human.md", "| cost over least cost, mean of the ten | {human_costs} | {costs_of_three} |"),
     ("paper.md", "between {low:.3f} and {high:.3f} Hz, at {lowest_cost:.3f} to {highest_cost:.3f} times the least cost"),
+    ("README.md", "cost {published_cost} times the least, and fall above {stood:.2f} Hz"),
+    ("paper.md", "at {published_cost} times the least cost, and fall above {stood:.2f} Hz"),
+    ("docs/learning.md", "Both policies stand up to {stood:.2f} Hz"),
+    (
+        "docs/learning.md",
+        "costs {cost_of[as_published]} times the least, the one of the code as it was run {cost_of[as_run]} times",
+    ),
+    ("docs/learning.md", "(r {r_of[as_published]}, and {r_of[as_run]})"),
+    ("docs/results.md", "| {load_of[as_published]:.2f} | {load_of[as_run]:.2f} | the same"),
+    ("docs/results.md", "| {cop_of[as_published]} | {cop_of[as_run]} | a training"),
     ("paper.md", "switch between {human_low:.3f} and {human_high:.3f} Hz"),
     (
         "results/reproduction/summary.md",
@@ -168,6 +179,7 @@ def numbers():
     rho = {key: re.findall(r"rho = ([+-][\d.]+)", row["finding"]) for key, row in verdicts().items()}
     outcomes = [row["verdict"] for row in verdicts().values()]
     same = [re.search(r"in (\d+) of (\d+)", verdicts()[key]["finding"]).groups() for key in ("map_stiff", "map_soft")]
+    published = {name: [row for row in results(name) if row.valid] for name in PUBLISHED}
     load, load_trained = (
         means(name, lambda row: row.load_kg, lambda row: row.hip_ankle_r) for name in ("load", "load_trained")
     )
@@ -202,6 +214,18 @@ def numbers():
         "load_cost": means("load", lambda row: row.load_kg, lambda row: row.cost_ratio),
         "stiff_or_soft": " of ".join(str(sum(map(int, counts))) for counts in zip(*same, strict=True)),
         "amplitude": re.findall(r"by ([\d.]+) with", verdicts()["amplitude"]["finding"]),
+        "stood": max(row.freq_hz for own in published.values() for row in own),
+        "published_cost": span([row.cost_ratio for own in published.values() for row in own], 1),
+        "cost_of": {name: span([row.cost_ratio for row in own], 2) for name, own in published.items()},
+        "r_of": {
+            name: " to ".join(f"{end(row.hip_ankle_r for row in own):.2f}" for end in (max, min))
+            for name, own in published.items()
+        },
+        "load_of": {name: results(f"load_{name}")[-1].hip_ankle_r for name in PUBLISHED},
+        "cop_of": {
+            name: " to ".join(f"{1e3 * (row.cop_p95_m - row.cop_p05_m):.0f} mm" for row in (own[0], own[-1]))
+            for name, own in published.items()
+        },
         "human": listed(human, 3),
         "each_human": " or ".join(sorted({f"{each:.2f}" for each in human})),
         "human_low": min(human),

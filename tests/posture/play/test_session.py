@@ -292,7 +292,7 @@ def test_policy_that_cannot_be_loaded_changes_nothing(session, monkeypatch):
 def test_choices_are_all_shipped_policies_and_the_controller():
     config = compose_play()
     names = [choice.name for choice in policy_choices(config.ckpt, config.lqr)]
-    assert names[0] == "pretrained/default" and names[-1] == "lqr" and len(set(names)) == len(names) == 21
+    assert names[0] == "pretrained/default" and names[-1] == "lqr" and len(set(names)) == len(names) == 23
     assert policy_choices("lqr", config.lqr)[0].name == "lqr"
 
 
