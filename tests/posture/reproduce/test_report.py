@@ -216,7 +216,7 @@ def test_the_page_is_whole(made: object) -> None:
     assert "{" not in summary  # every number is filled in
     # tanh(3 (0.69 - f)) is 0 at 0.69 Hz; the cost ratio is 1.04.
     assert "The modes switch at 0.690 (0.690 to 0.690) Hz; the paper's at 0.69 Hz in a ramp." in summary
-    own = "authors' code as it was run 0.690 (0.690 to 0.690) Hz (best for its reward: 0.750 Hz), 9 of 9 claims reproduced"
+    own = "authors' code as it was run: 0.690 (0.690 to 0.690) (best for its reward: 0.750 Hz), 9 of 9 claims reproduced"
     assert own in summary
     assert "| hip-ankle r with 0 and 4 kg | positive, negative | 0.90 (0.90 to 0.90), -0.70 (-0.70 to -0.70) |" in summary
     assert "| hip-ankle r with hips of 100 Nm/rad at 0.5 Hz | negative | - | 0.25 |" in summary
