@@ -72,8 +72,9 @@ LEFT_OUT = (
 FIGURES: dict[str, tuple[str, str]] = {
     "overview": (
         "Hip-ankle correlation against target frequency, of the trained policies, of theory, and the paper's modes",
-        "Correlation of hip and ankle against target frequency: trained policies (with markers), the least-torque motion and "
-        "the optimum of each trained reward in theory (without markers, in the colour of its training), and the paper's modes.",
+        "Correlation of hip and ankle against target frequency: trained policies (with markers), the least-torque motion "
+        "and the optimum of each trained reward in theory (without markers, in the colour of its training), and the paper's "
+        "modes.",
     ),
     "figure_2": (
         "The body from the side during one cycle, at the lowest and at the highest frequency",
