@@ -75,7 +75,7 @@ def test_each_training_is_judged_by_its_own_results() -> None:
 
 
 def test_where_a_training_switches_or_which_mode_it_has() -> None:
-    assert switch_text([frequency_result(hz) for hz in TEN]).startswith("0.6")  # 0.69 Hz, between two of the ten
+    assert switch_text([frequency_result(hz) for hz in TEN]) == "0.690"  # 0.6 + 0.15 * 0.2636 / (0.2636 + 0.1781)
     anti = changed([frequency_result(hz) for hz in TEN], with_r(-0.9))
     fast_falls = changed(anti, fallen, lambda t: t.freq_hz > 1)
     assert switch_text(fast_falls) == "none, anti-phase in all trials that stood"
