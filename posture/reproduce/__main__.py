@@ -142,7 +142,7 @@ def report(plan: Plan, config: ReproduceConfig, folder: Path) -> None:
 def _check_done(policies: Sequence[Job]) -> None:
     if not any(fraction_done(job) >= 1 for job in policies):
         names = ", ".join(dict.fromkeys(job.folder.parent.name for job in policies))
-        raise ConfigError(f"no policy of {names} is done: run the stage train first")
+        raise ConfigError(f"no policy of {names} is done: run the stage train first, which keeps what is trained")
 
 
 def training(name: str, config: ReproduceConfig) -> list[str]:

@@ -153,8 +153,7 @@ def _training(experiment: str, job: Job) -> Training:
     name, seed = job.folder.name, _config(job).seed
     if fraction_done(job) < 1:
         return Training(experiment, name, seed)
-    starts = yaml_files.read_yaml(job.folder / "provenance.yaml") or []
-    return Training(experiment, name, seed, True, duration(job.folder), starts)
+    return Training(experiment, name, seed, True, duration(job.folder), provenance.whole_starts(job.folder))
 
 
 def _of_training(job: Job, left_out: list[str]) -> list[Result]:

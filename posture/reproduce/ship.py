@@ -6,10 +6,11 @@ beside the report, in policies/<experiment>/<job>/. Copied into runs/, they are 
 """
 
 import re
-import shutil
+import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from posture.cli import signals
 from posture.cli.jobs import Job
 from posture.cli.sweep import fraction_done
 from posture.config.errors import ConfigError
@@ -57,19 +58,29 @@ def duration(run: Path) -> float:
 
 
 def ship_policy(model: Path, folder: Path) -> Path:
-    """Copy the policy of checkpoint `model` to `folder`, with the configuration and provenance of its run; return it."""
+    """Copy the policy of checkpoint `model` to `folder`, with the configuration and provenance of its run; return it.
+
+    What `folder` held is replaced once everything is written beside it. Raises ConfigError if a file of the run is damaged.
+    """
     content, seconds = checkpoint.load(model, "cpu"), duration(model.parent)
-    shutil.rmtree(folder, ignore_errors=True)
-    folder.mkdir(parents=True)
     policy = checkpoint.as_policy(content)["actor_state_dict"]
-    checkpoint.save({"actor_state_dict": policy, "iter": content["iter"], "seconds": seconds}, folder / model.name)
     # The folder of the run means nothing elsewhere.
-    yaml_files.write_yaml(folder / "config.yaml", yaml_files.read_yaml(model.parent / "config.yaml") | {"resume": None})
-    starts = provenance.starts(model.parent)
+    config = yaml_files.read_yaml(model.parent / "config.yaml") | {"resume": None}
+    starts = provenance.whole_starts(model.parent)
     for start in starts:
         kept = [part for part in start["command"] if not part.startswith(("hydra.run.dir=", "out="))]
         start["command"] = [re.sub("^resume=.*/", "resume=", part) for part in kept]
-    yaml_files.write_yaml(folder / "provenance.yaml", starts)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as beside:
+        new, old = Path(beside) / "new", Path(beside) / "old"
+        new.mkdir()
+        checkpoint.save({"actor_state_dict": policy, "iter": content["iter"], "seconds": seconds}, new / model.name)
+        yaml_files.write_yaml(new / "config.yaml", config)
+        yaml_files.write_yaml(new / "provenance.yaml", starts)
+        with signals.blocked():
+            if folder.exists():
+                folder.rename(old)
+            new.rename(folder)
     return folder
 
 

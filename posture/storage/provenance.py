@@ -33,6 +33,8 @@ PRESENTATION = ("__main__.py", "figure.py", "figures.py", "progress.py", "table.
 """Files of these packages that only show results."""
 LIBRARIES = ("newton", "warp-lang", "mujoco", "mujoco-warp", "rsl-rl-lib", "torch", "numpy", "scipy", "clarabel")
 """Libraries whose version decides a result."""
+STARTS = ("command", "started", "git_commit", "training_code", "python", "platform", "versions")
+"""What provenance.yaml has of each start."""
 
 
 def write_config(run: Path, config: TrainConfig, begun_from: Path | None = None, resumed: bool = False) -> None:
@@ -67,6 +69,19 @@ def starts(run: Path) -> list[Any]:
     if not isinstance(starts, list):
         raise ConfigError(f"{path}: not a list of the run's starts; move the file away to begin a new one")
     return starts
+
+
+def whole_starts(run: Path) -> list[Any]:
+    """The same, each with all that `write_config` records. Raises ConfigError if there is none, or one lacks a part."""
+    path, found = run / "provenance.yaml", starts(run)
+    if not found:
+        raise ConfigError(f"{path}: does not say which code made this run; without the run's folder it is trained again")
+    for i, start in enumerate(found, 1):
+        missing = [key for key in STARTS if not isinstance(start, dict) or key not in start]
+        if missing or not isinstance(start["versions"], dict) or not isinstance(start["command"], list):
+            what = f"has no {', '.join(missing)}" if missing else "has versions or a command that cannot be read"
+            raise ConfigError(f"{path}: start {i} {what}; without the run's folder it is trained again")
+    return found
 
 
 def other_code(run: Path) -> list[str]:

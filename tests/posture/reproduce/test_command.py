@@ -15,7 +15,7 @@ from posture.config.reproduce import ReproduceConfig
 from posture.reproduce.__main__ import Start, evaluation, of_several_seeds, run, run_at_once
 from posture.reproduce.experiments import TRAININGS
 from posture.reproduce.ship import archive, duration, ship
-from posture.storage import run_dir
+from posture.storage import run_dir, yaml_files
 from tests.commands import TINY, call, refused, table
 
 TINIER = [option for option in TINY if not option.startswith(("evaluation.freq", "processes"))]
@@ -107,6 +107,11 @@ def test_archived_policies_are_not_trained_again(monkeypatch, capsys, tmp_path):
     (made,) = archive({"frequency": jobs}, Path("report/policies"))
     assert made == Path("report/policies/frequency") / trained.name
     assert sorted(path.name for path in made.iterdir()) == ["config.yaml", "model_2.pt", "provenance.yaml"]
+    with monkeypatch.context() as patch, pytest.raises(OSError, match="full"):
+        patch.setattr(yaml_files, "write_yaml", full_disk)
+        archive({"frequency": jobs}, Path("report/policies"))
+    assert sorted(path.name for path in made.iterdir()) == ["config.yaml", "model_2.pt", "provenance.yaml"]
+    assert [path.name for path in made.parent.iterdir()] == [made.name]
     shutil.rmtree("runs")
     shutil.copytree("report/policies", "runs")
     capsys.readouterr()
@@ -114,6 +119,10 @@ def test_archived_policies_are_not_trained_again(monkeypatch, capsys, tmp_path):
     assert "already trained" in capsys.readouterr().out
     assert table(trained / "evaluation" / "metrics.csv") == before
     assert duration(trained) == seconds > 0
+
+
+def full_disk(*arguments):
+    raise OSError("full")
 
 
 @pytest.mark.parametrize(
@@ -138,7 +147,7 @@ def test_archived_policies_are_not_trained_again(monkeypatch, capsys, tmp_path):
         ("stages=[report]", "no policy of frequency is done"),
         (
             "stages=[evaluate]",
-            "no policy of frequency, energy, hip_stiffness, map, human is done: run the stage train first",
+            "map, human is done: run the stage train first, which keeps what is trained",
         ),
         ("stages=[ship]", "no policy of frequency is done"),
         ("experiments=[load]", "experiments"),

@@ -7,6 +7,7 @@ import subprocess
 import grimp
 import pytest
 
+from posture.config.errors import ConfigError
 from posture.storage import provenance
 from posture.storage.provenance import ANALYSIS, PRESENTATION, ROOT, TRAINING, source_files
 
@@ -172,3 +173,25 @@ def test_no_commit_without_git(tmp_path, commit_of, monkeypatch):
     repository(tmp_path, FILE)
     monkeypatch.setenv("PATH", str(tmp_path))
     assert commit_of(tmp_path) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (None, "does not say which code made this run"),
+        ("[]", "does not say which code made this run"),
+        ("a: 1", "not a list"),
+        ("- {}", "start 1 has no command, started, git_commit, training_code, python, platform, versions"),
+        ("- 5", "start 1 has no command"),
+        (
+            "- {command: [], started: x, git_commit: x, training_code: x, python: x, platform: x, versions: 3}",
+            "versions or a command that cannot be read",
+        ),
+    ],
+)
+def test_damaged_provenance_is_refused(tmp_path, text, expected):
+    if text is not None:
+        (tmp_path / "provenance.yaml").write_text(text)
+    with pytest.raises(ConfigError, match=expected) as caught:
+        provenance.whole_starts(tmp_path)
+    assert "\n" not in str(caught.value)
