@@ -5,6 +5,7 @@ The exit code is 130, 143 or 129.
 """
 
 import contextlib
+import multiprocessing
 import os
 import signal
 import threading
@@ -80,6 +81,10 @@ def _handle(number: int, frame: FrameType | None) -> None:
         if _hung_up or _pending:
             return
         _hung_up = True
+    if not _deferring:
+        # A pool of processes would first finish the work they have.
+        for process in multiprocessing.active_children():
+            process.terminate()
     if not _deferring or _pending:
         raise Stopped(number)
     _pending = number

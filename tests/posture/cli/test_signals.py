@@ -1,0 +1,35 @@
+"""A signal ends work that is shared among processes."""
+
+import signal
+import subprocess
+import sys
+import time
+
+PROGRAM = """
+import time
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
+from posture.cli import signals
+
+if __name__ == "__main__":
+    with signals.handled(), ProcessPoolExecutor(2, get_context("spawn")) as pool:
+        list(pool.map(abs, [-1, 2]))
+        waiting = pool.map(time.sleep, [60.0] * 6)
+        print("begun", flush=True)
+        list(waiting)
+"""
+
+
+def test_a_pool_ends_with_its_program(tmp_path):
+    (tmp_path / "program.py").write_text(PROGRAM)
+    with subprocess.Popen(
+        [sys.executable, "program.py"], cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout.readline() == b"begun\n"
+        began = time.monotonic()
+        process.send_signal(signal.SIGTERM)
+        _, errors = process.communicate(timeout=50)
+    assert time.monotonic() - began < 30.0  # without the signal to the pool: 180 s
+    assert process.returncode == 128 + signal.SIGTERM
+    assert errors == b""
