@@ -181,17 +181,23 @@ def _energy(results: Sequence[Result], paper: Published) -> Target:
     return Target(name, required, measured, mean.mean <= allowed if mean.n else None)
 
 
+def costs_of_seeds(results: Sequence[Result], ten: Sequence[Condition]) -> dict[int, float]:
+    """By seed, the mean over its conditions of cost over least cost [-]; without the seeds that lack one of `ten`."""
+    ratios = {}
+    for seed in sorted({result.origin.seed for result in results}):
+        own = seed_means([result for result in results if result.origin.seed == seed], BY, COST_RATIO.measured)
+        if all(c in own and own[c].n for c in ten):
+            ratios[seed] = float(np.mean([mean.mean for mean in own.values()]))
+    return ratios
+
+
 def _cost(results: Sequence[Result], ten: Sequence[Condition], allowed: float) -> Target:
     """Only seeds that stood at all ten frequencies count: a mean without the costly ones would be too low."""
     name = "Cost in Exp. 1"
     required = f"mean over the ten frequencies of cost over least cost at most {allowed:g} for each seed"
     if not results:
         return Target(name, required, NO_RESULTS, None)
-    ratios = {}
-    for seed in sorted({result.origin.seed for result in results}):
-        own = seed_means([result for result in results if result.origin.seed == seed], BY, COST_RATIO.measured)
-        if all(c in own and own[c].n for c in ten):
-            ratios[seed] = float(np.mean([mean.mean for mean in own.values()]))
+    ratios = costs_of_seeds(results, ten)
     if not ratios:
         return Target(name, required, f"no seed with a cost at all ten; {sample(results, BY)}", None)
     mean = mean_of(list(ratios.values()))

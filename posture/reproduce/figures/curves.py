@@ -57,7 +57,7 @@ PUBLISHED = {"ls": "none", "marker": "D", "ms": 5, "color": RED, "mfc": "white",
 GROUP_STYLES: tuple[tuple[str, str, Any], ...] = (
     (BLUE, "o", "-"),
     (ORANGE, "s", "--"),
-    (GREEN, "^", "-."),
+    (GREEN, "^", (0, (12, 2))),
     (PURPLE, "v", (0, (6, 1, 1, 1, 1, 1))),
     (GREY, "D", "-"),
     (RED, "P", "--"),

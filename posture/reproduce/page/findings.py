@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 from posture.config.published import Published
 from posture.reproduce.claims.frequency import switches
 from posture.reproduce.claims.rules import Outcome
-from posture.reproduce.claims.seed_means import mean_of, sample, seed_means, where
+from posture.reproduce.claims.seed_means import conditions, mean_of, sample, where
+from posture.reproduce.claims.targets import costs_of_seeds
 from posture.reproduce.claims.verdict import Verdict, in_hz
 from posture.reproduce.experiments import RECIPES
 from posture.reproduce.page.tables import switch_text
-from posture.reproduce.quantities import COST_RATIO, FREQ
+from posture.reproduce.quantities import FREQ
 from posture.reproduce.reproduction import Recipe, Reproduction
 
 
@@ -48,9 +49,10 @@ def _switch(reproduction: Reproduction, measured: Mapping[str, Verdict], paper: 
 
 def _theory(reproduction: Reproduction, paper: Published) -> str:
     at = reproduction.transitions
-    own = where(reproduction.results.get("frequency", ()), FREQ, paper.table_3.freq_hz)
-    cost = seed_means(own, (), COST_RATIO.measured)[()] if own else None
-    learned = f" The policies' squared torque is {cost.text('.3f')} times the least." if cost and cost.n else ""
+    ten = paper.table_3.freq_hz
+    own = where(reproduction.results.get("frequency", ()), FREQ, ten)
+    cost = mean_of(list(costs_of_seeds(own, conditions(ten)).values()))
+    learned = f" The policies' squared torque is {cost.text('.3f')} times the least." if cost.n else ""
     return (
         f"**Where theory has the switch, without learning:** {in_hz(at.least)} in the motion of least torque, "
         f"{in_hz(at.reward)} in the best motion for the trained reward.{learned}"
