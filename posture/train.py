@@ -171,7 +171,13 @@ def check(configs: Sequence[TrainConfig], in_sweep: bool) -> None:
         if config.init == "latest" and in_sweep:
             raise ConfigError("init=latest changes during a sweep: name the run")
         if config.init is not None:
-            source = run_dir.read_config(run_dir.find_checkpoint(config.init, "init").parent)
+            checkpoint = run_dir.find_checkpoint(config.init, "init")
+            if run_dir.is_shipped(checkpoint):
+                raise ConfigError(
+                    f"init: {config.init} comes without the value function that a training goes on from; allowed are "
+                    "a checkpoint or a run of your own, or latest"
+                )
+            source = run_dir.read_config(checkpoint.parent)
             for name in ("actor", "critic"):
                 if different := _differences(source, config, name):
                     raise ConfigError(f"init: the {name} of {config.init} has {different}; allowed are equal ones")

@@ -34,7 +34,7 @@ from posture.config.checks import CommandConfig, Output, check_device
 from posture.config.errors import ConfigError
 from posture.config.published import CONF, without_published
 from posture.config.reading import read
-from posture.config.train import TrainConfig
+from posture.config.train import TrainConfig, amplitudes
 from posture.storage import provenance, run_dir
 
 Config = TypeVar("Config", bound=BaseModel)
@@ -372,6 +372,7 @@ OmegaConf.register_new_resolver("posture.run_folder", run_folder, use_cache=True
 OmegaConf.register_new_resolver("posture.sweep_folder", sweep_folder, use_cache=True, replace=True)
 OmegaConf.register_new_resolver("posture.job_folder", job_folder, replace=True)
 OmegaConf.register_new_resolver("posture.for_body", for_body, replace=True)
+OmegaConf.register_new_resolver("posture.amplitudes", amplitudes, replace=True)
 
 
 def _check_effect(configs: Sequence[BaseModel], overrides: Sequence[Override]) -> None:

@@ -2,6 +2,8 @@
 
 from typing import Annotated
 
+from omegaconf import DictConfig, ListConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 from pydantic import Field, model_validator
 
 from envs.config import EnvConfig, Steps, check_once
@@ -92,3 +94,24 @@ class TrainConfig(CommandConfig):
                 f"agent.algorithm.num_mini_batches, {processes * parts}"
             )
         return self
+
+
+def amplitudes(share: float, from_hz: float, *, _root_: DictConfig) -> list[float] | None:
+    """Amplitudes that a training draws if its target is never slower than `from_hz`: from `share` of `env.amplitude` on, but
+    not below the head's tolerances. None otherwise, and in commands that do not train. A resolver of conf/.
+
+    Where a value is of another kind, the check of the configuration says what is wrong.
+    """
+    if "agent" not in _root_:
+        return None
+    try:
+        keys = ("freq", "amplitude", "termination.head_tolerance", "reward.tolerance")
+        freq, amplitude, *tolerances = (OmegaConf.select(_root_, f"env.{key}") for key in keys)
+    except OmegaConfBaseException:
+        return None
+    slowest = freq[0] if isinstance(freq, ListConfig) and freq else freq
+    limits = [limit for limit in tolerances if limit is not None]
+    if not all(type(number) in (int, float) for number in (slowest, amplitude, *limits)) or slowest < from_hz:
+        return None
+    low = max(float(f"{share * amplitude:.6g}"), *limits)
+    return [low, amplitude] if low < amplitude else None

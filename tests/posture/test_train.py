@@ -109,6 +109,7 @@ def test_noise_below_its_bound_is_raised_to_it(run, monkeypatch):
             "the actor of run has its observations in another order",
         ),
         (["init=nowhere"], "nowhere: no such file or folder"),
+        (["init=pretrained"], "init: pretrained comes without the value function that a training goes on from; allowed are"),
     ],
 )
 def test_another_network_or_observation_is_refused(run, monkeypatch, capsys, changes, problem):
