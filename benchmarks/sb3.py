@@ -1,6 +1,7 @@
 """Stable-Baselines3's PPO on Gymnasium's vector environment, with our hyperparameters where it has them."""
 
 from collections.abc import Callable
+from functools import reduce
 
 import numpy as np
 import torch
@@ -19,6 +20,9 @@ def build(config: TrainConfig) -> PPO:
     """An untrained model."""
     agent, algorithm = config.agent, config.agent.algorithm
     keys = config.env.model_dump()
+    for key in config.env.without_effect():  # which `make_vec` refuses
+        *groups, name = key.split(".")
+        reduce(dict.__getitem__, groups, keys).pop(name, None)
     training_steps = config.training_steps if config.env.schedules else None
     envs = VecNormalize(
         StanderVecEnv(keys.pop("num_envs"), training_steps=training_steps, **keys),

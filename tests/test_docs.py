@@ -31,9 +31,12 @@ SHRINK = {
     "theory": TINY_THEORY,
     "film": ["width=120", "fps=6", "settle=0", "films=[two_modes]"],
     "export": ["evaluation.duration=1.0"],
-    "reproduce": ["seeds=1", f"overrides=[{OVERRIDES}]", "out=report", "parallel=2"],
+    # tests/posture/reproduce/test_command.py has all experiments, and the commands for several seeds, which take minutes.
+    "reproduce": ["seeds=1", f"overrides=[{OVERRIDES}]", "out=report", "parallel=2", "experiments=[frequency]"],
 }
 SHRINK_RESUMED = ["max_iterations=102"]  # a resumed run keeps all else
+OF_TRAININGS = {"seeds", "parallel", "experiments"}
+"""Keys of reproduce that have no effect on the report alone."""
 
 # Which command makes the figures that the documents show, by file or folder.
 FIGURES = {
@@ -72,8 +75,9 @@ def ours(command):
 
 
 def fill(arguments):
-    """The arguments with names in place of <run> and <sweep>."""
-    filled = [argument.replace("<run>", "one").replace("<sweep>", "several") for argument in arguments]
+    """The arguments with names in place of <run> and <sweep>, and a run in place of `ckpt=...`."""
+    named = ["ckpt=runs/<run>" if argument == "ckpt=..." else argument for argument in arguments]
+    filled = [argument.replace("<run>", "one").replace("<sweep>", "several") for argument in named]
     assert not re.search(r"<\w+>", " ".join(filled)), f"unknown placeholder in {arguments}"
     return filled
 
@@ -203,8 +207,24 @@ def workspace(tmp_path_factory):
     tiny = [*ANY_FREQ, "evaluate=false"]
     run("train", ["-m", "env.hip_k=60,125", *tiny, "hydra.sweep.dir=runs/several"], folder)
     run("train", ["-m", "experiment=frequency", "seed=1", *ANY_FREQ], folder)
-    run("train", [*tiny, "max_iterations=100", "agent.save_interval=50", "hydra.run.dir=runs/one"], folder)
+    for experiment in ("map", "human"):
+        run("train", ["-m", f"experiment={experiment}", "seed=1", *tiny], folder)
+    # Evaluated while it trains, in trials so short that it does not fall: only then there is a best.pt.
+    often = ["evaluate_every=50", "evaluation.duration=0.5"]
+    run("train", [*tiny, "max_iterations=100", "agent.save_interval=50", *often, "out=runs/one"], folder)
+    assert (folder / "runs/one/best.pt").is_file()
     return folder
+
+
+def shorter(name, arguments):
+    """The overrides that make a command take seconds, without those that it has or that would have no effect."""
+    given = {argument.partition("=")[0] for argument in arguments}
+    if "resume" in given:
+        return SHRINK_RESUMED
+    if "what=[policy]" in arguments:
+        return []
+    left_out = OF_TRAININGS if "stages=[report]" in arguments else {"experiments"} & given
+    return [option for option in SHRINK[name] if option.partition("=")[0] not in left_out]
 
 
 @pytest.mark.slow
@@ -215,9 +235,7 @@ def test_command_runs(command, workspace, tmp_path):
     shutil.copytree(workspace, folder)
     before = set(folder.rglob("*"))
     name, arguments = ours(command)
-    resumed = any(argument.startswith("resume=") for argument in arguments)
-    shorter = SHRINK_RESUMED if resumed else [] if "what=[policy]" in arguments else SHRINK[name]
-    run(name, [*fill(arguments), *shorter], folder)
+    run(name, [*fill(arguments), *shorter(name, arguments)], folder)
     assert set(folder.rglob("*")) - before or "--help" in arguments
     if name == "theory" and not arguments:
         assert list(folder.rglob("theory_map.png"))

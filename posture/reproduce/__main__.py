@@ -22,8 +22,10 @@ from hydra.core.global_hydra import GlobalHydra
 from posture.cli import entry, jobs, signals
 from posture.cli.jobs import Job
 from posture.cli.sweep import SweepProgress, fraction_done, print_summary, report_periodically
+from posture.config.dynamics import DynamicsConfig
 from posture.config.errors import ConfigError, RunError
 from posture.config.eval import EvalConfig
+from posture.config.map import MapConfig
 from posture.config.published import read_published
 from posture.config.reproduce import ReproduceConfig
 from posture.config.train import TrainConfig
@@ -35,6 +37,8 @@ from posture.storage import run_dir
 REPORT_EVERY_S = 60.0
 POLL_S = 0.1
 """Pause between two looks at the commands that run [s]."""
+_KINDS: Mapping[str, type[MapConfig | DynamicsConfig]] = {"map": MapConfig, "dynamics": DynamicsConfig}
+"""The configurations of the commands of `OF_SEVERAL_SEEDS`."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +54,7 @@ def reproduce(config: ReproduceConfig, folder: Path) -> None:
     """Run the stages of `config`; the report goes into `folder`. Raises RunError if a job failed; the report shows the
     results so far."""
     check_files(folder)
-    plan = make_plan(config)
+    plan = make_plan(config, folder)
     wanted = [job for own in plan.wanted.values() for job in own]
     progress = SweepProgress(wanted)
     failed = False
@@ -79,8 +83,8 @@ def check_files(folder: Path) -> None:
     run_dir.writable(folder / "figures", *(f"{name}.png" for name in text.FIGURES))
 
 
-def make_plan(config: ReproduceConfig) -> Plan:
-    """Compose and check the jobs of every experiment.
+def make_plan(config: ReproduceConfig, folder: Path) -> Plan:
+    """Compose and check the jobs of every experiment, whose report goes into `folder`.
 
     Raises ConfigError for a wrong override, and if nothing is done that the stages need. That is found as early as possible,
     since composing all jobs is slow.
@@ -97,6 +101,9 @@ def make_plan(config: ReproduceConfig) -> Plan:
     }
     if "train" not in config.stages and "evaluate" in config.stages:
         _check_done([job for own in wanted.values() for job in own])
+    for command, experiment in OF_SEVERAL_SEEDS.items():
+        if "evaluate" in config.stages and wanted[experiment]:
+            jobs.check(command, _KINDS[command], of_several_seeds(command, wanted[experiment], config, folder))
     evaluations = {name: jobs.check("eval", EvalConfig, evaluation(name, config)).jobs for name in EVALUATIONS}
     return Plan(trainings, wanted, evaluations)
 

@@ -57,22 +57,23 @@ def bodies(fig: Figure, trajectory: Trajectory, wanted: Sequence[float]) -> None
         steps = cycle_steps(trajectory, w)
         foot = trajectory.foot_displacement[steps, w]
         hip, ankle, target = trajectory.hip[steps, w], trajectory.ankle[steps, w], trajectory.target_x[steps, w]
-        places = draw_phases(ax, hip, ankle, target, BODY_SPACING, foot_x=foot)
+        places = draw_phases(ax, hip, ankle, target, BODY_SPACING, foot_x=foot) if steps else ()
         for place, step in zip(places, steps, strict=True):
             label = f"{trajectory.time[step] - trajectory.time[steps[0]]:.2f} s"
             ax.annotate(label, (place, -0.05), xytext=(0, -3), textcoords="offset points", ha="center", va="top")
-        whole = slice(0, last_cycles(trajectory, w).stop)
-        r = correlation(trajectory.hip[whole, w], trajectory.ankle[whole, w])
+        ax.set_axis_off()
+        r = _correlation(world, trajectory.hip, trajectory.ankle)
         ax.set_title(f"{title}: {MODE_TEXT.format(r)}{_fall(world)}", pad=2)
 
 
 def cycle_steps(trajectory: Trajectory, w: int) -> list[int]:
     """Steps of BODIES instants, evenly spaced, of the last whole cycle of the target before the end or a fall.
 
-    If there is no whole cycle, they end there.
+    If there is no whole cycle, they end there. Empty after a fall at the first step, of which nothing is recorded.
     """
-    end = int(trajectory.fall_step[w])
-    end = end if end >= 0 else len(trajectory.time) - 1
+    end = recorded_steps(trajectory, w) - 1
+    if end < 0:
+        return []
     period = 1 / float(trajectory.freq[w])
     cycles = max(math.floor((trajectory.time[end] - trajectory.time[0]) / period + 1e-6), 1)
     instants = (cycles - 1 + np.linspace(0, 1, BODIES)) * period / trajectory.control_dt
@@ -117,8 +118,7 @@ def ramp(
     """
     rate, duration = published.rate_hz_per_s, published.duration_s
     upper, lower = axes = fig.subplots(2, 1, sharex=True)
-    end = int(trajectory.fall_step[0])
-    shown = (trajectory.time <= duration) & (np.arange(len(trajectory.time)) <= (end if end >= 0 else np.inf))
+    shown = (trajectory.time <= duration) & (np.arange(len(trajectory.time)) < recorded_steps(trajectory, 0))
     freq = ramp_frequency(trajectory.time[shown], start, rate, duration)
     hip, ankle = trajectory.hip[shown, 0], trajectory.ankle[shown, 0]
     upper.plot(freq, np.degrees(hip), color=HIP_COLOUR, label="hip angle")
@@ -164,8 +164,7 @@ def _over_time(fig: Figure, worlds: Sequence[World], signals: Mapping[str, Signa
             ax.plot(trial.time[steps], signal(trial)[steps, w], label=name, **style)
             held += [] if fall else [signal(trial)[steps, w]]
         ax.margins(x=0)
-        whole = slice(0, steps.stop)
-        r = correlation(*(signal(trial)[whole, w] for signal, _ in signals.values()))
+        r = _correlation(world, *(signal(trial) for signal, _ in signals.values()))
         ax.set_title(f"{title}: {title_text.format(r)}{fall}", color=FALL_COLOUR if fall else "black")
     if held:
         low, high = min(map(np.min, held)), max(map(np.max, held))
@@ -177,9 +176,20 @@ def _over_time(fig: Figure, worlds: Sequence[World], signals: Mapping[str, Signa
 
 def last_cycles(trajectory: Trajectory, w: int) -> slice:
     """Steps of the last SHOWN_CYCLES of world `w` before the trial's end or a fall."""
-    fall_step = int(trajectory.fall_step[w])
-    end = fall_step + 1 if fall_step >= 0 else len(trajectory.time)
+    end = recorded_steps(trajectory, w)
     return slice(max(end - round(SHOWN_CYCLES / (float(trajectory.freq[w]) * trajectory.control_dt)), 0), end)
+
+
+def recorded_steps(trajectory: Trajectory, w: int) -> int:
+    """Number of control steps of world `w` before the trial's end or a fall, from which on its record is nan."""
+    fall_step = int(trajectory.fall_step[w])
+    return fall_step if fall_step >= 0 else len(trajectory.time)
+
+
+def _correlation(world: World, a: Array, b: Array) -> float:
+    """Of two signals (T, W) before the world's end or fall; nan where nothing is recorded."""
+    steps = recorded_steps(world.trajectory, world.number)
+    return correlation(a[:steps, world.number], b[:steps, world.number]) if steps else math.nan
 
 
 def _fall(world: World) -> str:

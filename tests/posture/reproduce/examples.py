@@ -124,7 +124,10 @@ def paper_results(seeds: int = 3) -> dict[str, list[Result]]:
 
 
 def trajectory(phase: np.ndarray, freq: Sequence[float], fall_step: int = -1) -> Trajectory:
-    """Worlds whose target has the phase (T, W) [rad]: in-phase up to a momentary 0.7 Hz, anti-phase above it."""
+    """Worlds whose target has the phase (T, W) [rad]: in-phase up to a momentary 0.7 Hz, anti-phase above it.
+
+    The first one falls at `fall_step`; as in a roll-out, its record is nan from then on.
+    """
     speed = np.gradient(phase, DT, axis=0) / (2 * np.pi)
     hip, ankle = 0.1 * np.cos(phase) * np.where(speed < 0.7, 1, -1), 0.05 * np.cos(phase)
     joints = np.stack([hip, ankle, hip, ankle], axis=-1)
@@ -136,6 +139,11 @@ def trajectory(phase: np.ndarray, freq: Sequence[float], fall_step: int = -1) ->
         "foot_displacement": np.zeros_like(phase), "foot_flat": np.ones(phase.shape, dtype=bool),
         "fall_step": np.array([fall_step] + [-1] * (len(freq) - 1)), "torque_limit": 100.0, "control_dt": DT,
     }  # fmt: skip
+    if fall_step >= 0:
+        for name, values in fields.items():
+            if np.shape(values)[:2] == phase.shape and values.dtype == np.float64:
+                fields[name] = values.copy()  # some are one array
+                fields[name][fall_step:, 0] = math.nan
     return Trajectory(**fields)
 
 
@@ -144,9 +152,9 @@ def steady(freq: Sequence[float], fall_step: int = -1) -> Trajectory:
     return trajectory(2 * np.pi * np.arange(1500)[:, None] * DT * np.array(freq), freq, fall_step)
 
 
-def swept() -> Trajectory:
+def swept(fall_step: int = -1) -> Trajectory:
     """A target whose frequency rises by 0.036 Hz/s for 25 s."""
-    return trajectory((np.pi * 0.036 * (np.arange(1500) * DT) ** 2)[:, None], [math.nan])
+    return trajectory((np.pi * 0.036 * (np.arange(1500) * DT) ** 2)[:, None], [math.nan], fall_step)
 
 
 def reproduction(results: dict[str, list[Result]], traces: Traces, trainings: Sequence[Training] = ()) -> Reproduction:

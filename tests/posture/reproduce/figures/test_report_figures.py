@@ -96,8 +96,8 @@ def test_one_seed_of_one_experiment_gives_its_figures(experiment: str, figures: 
 @pytest.mark.parametrize(
     ("given", "figures"),
     [
-        (Traces(frequency=steady(TEN, fall_step=700)), {"figure_2", "figure_3", "figure_4"}),
-        (Traces(ramp=swept()), {"figure_10"}),
+        *((Traces(frequency=steady(TEN, fall)), {"figure_2", "figure_3", "figure_4"}) for fall in (700, 40, 1, 0)),
+        *((Traces(ramp=swept(fall)), {"figure_10"}) for fall in (-1, 700, 1, 0)),
         (Traces(load={0.0: steady([0.4])}), set()),
         (Traces(load={0.0: steady([0.4]), 4.0: steady([0.4])}), {"figure_11"}),
     ],
@@ -229,7 +229,13 @@ def test_panels_show_the_nearest_frequencies_and_name_falls() -> None:
 
 @pytest.mark.parametrize(
     ("fall_step", "steps"),
-    [(-1, [800, 900, 1000, 1100, 1200]), (900, [400, 500, 600, 700, 800]), (150, [0, 100, 150, 150, 150])],
+    [
+        (-1, [800, 900, 1000, 1100, 1200]),
+        (900, [400, 500, 600, 700, 800]),
+        (150, [0, 100, 149, 149, 149]),  # the last step before the fall
+        (1, [0, 0, 0, 0, 0]),
+        (0, []),
+    ],
 )
 def test_the_last_whole_cycle_is_shown(fall_step: int, steps: Sequence[int]) -> None:
     # 1500 steps of 1/60 s at 0.15 Hz are three whole cycles of 400 steps; two before step 900.
