@@ -223,6 +223,8 @@ def shorter(name, arguments):
         return SHRINK_RESUMED
     if "what=[policy]" in arguments:
         return []
+    if name == "train" and "evaluate_every" in given:
+        return [*SHRINK["train"], "evaluate_every=1", "film_every=2"]  # within its two iterations
     left_out = OF_TRAININGS if "stages=[report]" in arguments else {"experiments"} & given
     return [option for option in SHRINK[name] if option.partition("=")[0] not in left_out]
 
