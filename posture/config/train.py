@@ -97,8 +97,10 @@ class TrainConfig(CommandConfig):
 
 
 def amplitudes(share: float, from_hz: float, *, _root_: DictConfig) -> list[float] | None:
-    """Amplitudes that a training draws if its target is never slower than `from_hz`: from `share` of `env.amplitude` on, but
-    not below the head's tolerances. None otherwise, and in commands that do not train. A resolver of conf/.
+    """Lowest and highest amplitude [m] that a training draws if its target is never slower than `from_hz` [Hz].
+
+    They go from `share` of `env.amplitude` to the whole, but not below the head's tolerances. None if the target is slower,
+    and in commands that do not train. A resolver of conf/.
 
     Where a value is of another kind, the check of the configuration says what is wrong.
     """
@@ -111,7 +113,9 @@ def amplitudes(share: float, from_hz: float, *, _root_: DictConfig) -> list[floa
         return None
     slowest = freq[0] if isinstance(freq, ListConfig) and freq else freq
     limits = [limit for limit in tolerances if limit is not None]
-    if not all(type(number) in (int, float) for number in (slowest, amplitude, *limits)) or slowest < from_hz:
+    numbers = (slowest, amplitude, *limits)
+    # An integer may be larger than any float.
+    if not all(type(number) in (int, float) and abs(number) < 1e9 for number in numbers) or slowest < from_hz:
         return None
     low = max(float(f"{share * amplitude:.6g}"), *limits)
     return [low, amplitude] if low < amplitude else None

@@ -44,7 +44,15 @@ def test_only_trainings_draw(command, schema):
 
 
 @pytest.mark.parametrize(
-    "wrong", ["env.freq=fast", "env.freq=[]", "env.amplitude=big", "env.reward=null", "env.termination=1"]
+    "wrong",
+    [
+        "env.freq=fast",
+        "env.freq=[]",
+        "env.amplitude=big",
+        f"env.amplitude=1{400 * '0'}",
+        "env.reward=null",
+        "env.termination=1",
+    ],
 )
 def test_the_check_says_what_is_wrong(wrong):
     key = wrong.split("=")[0]
