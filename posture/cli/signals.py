@@ -14,6 +14,7 @@ from types import FrameType
 
 from posture import operating_system
 
+POOL_S = 2.0  # longest wait for a pool whose processes are ended
 NUMBERS = operating_system.STOP_SIGNALS
 _pending = 0
 _hung_up = False
@@ -74,6 +75,19 @@ def blocked() -> Iterator[None]:
         yield
 
 
+def _end_pools() -> None:
+    """End the processes of every pool, which would first finish the work they have, and wait until the pool has noticed."""
+    children = multiprocessing.active_children()
+    for process in children:
+        process.terminate()
+    if children:
+        # A thread of the pool marks the waiting work as failed. If `Stopped` cancels that work meanwhile, this thread ends
+        # with a traceback in Python 3.11.7 and older (python/cpython#107219).
+        for thread in threading.enumerate():
+            if thread is not threading.current_thread() and not thread.daemon:
+                thread.join(POOL_S)
+
+
 def _handle(number: int, frame: FrameType | None) -> None:
     global _pending, _hung_up
     if number not in (signal.SIGINT, signal.SIGTERM):
@@ -82,9 +96,7 @@ def _handle(number: int, frame: FrameType | None) -> None:
             return
         _hung_up = True
     if not _deferring:
-        # A pool of processes would first finish the work they have.
-        for process in multiprocessing.active_children():
-            process.terminate()
+        _end_pools()
     if not _deferring or _pending:
         raise Stopped(number)
     _pending = number
