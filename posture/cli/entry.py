@@ -218,6 +218,7 @@ def _start(command: jobs.Command, job: Callable[[DictConfig], Any]) -> None:
 
 
 def _refuse(error: Exception) -> NoReturn:
+    signals.raise_stopped(error)
     line = one_line(error)
     if isinstance(error, OverrideParseException):
         line = f"{str(error.override)!r:.200}: {line}; in a shell, values with braces, brackets or spaces need quotes"

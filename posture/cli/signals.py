@@ -63,6 +63,15 @@ def deferred() -> Iterator[None]:
             _pending, _deferring = 0, False
 
 
+def raise_stopped(error: BaseException) -> None:
+    """Raise the `Stopped` that led to `error`, if one did: a library that a signal interrupts may fail as it cleans up."""
+    cause: BaseException | None = error
+    while cause is not None:
+        if isinstance(cause, Stopped):
+            raise cause from None
+        cause = cause.__context__
+
+
 def pending() -> int:
     """Number of the signal that was received within `deferred`, or 0."""
     return _pending

@@ -1,4 +1,4 @@
-"""A signal ends work that is shared among processes."""
+"""A signal ends work that is shared among processes, and is never taken for bad input."""
 
 import signal
 import subprocess
@@ -6,6 +6,10 @@ import sys
 import time
 
 import pytest
+
+from posture.cli import entry, jobs, signals
+from posture.config.errors import ConfigError
+from posture.config.eval import EvalConfig
 
 PROGRAM = """
 import time
@@ -37,3 +41,20 @@ def test_a_pool_ends_with_its_program(attempt, tmp_path):
     assert time.monotonic() - began < 30.0  # without the signal to the pool: 180 s
     assert process.returncode == 128 + signal.SIGTERM
     assert errors == b""
+
+
+def test_a_library_that_fails_while_it_is_interrupted_is_not_bad_input(monkeypatch, capsys):
+    def interrupted(*_):
+        try:
+            try:
+                raise signals.Stopped(signal.SIGTERM)
+            finally:
+                raise AttributeError("half an object")
+        except AttributeError as error:
+            raise ConfigError("the command line cannot be read") from error
+
+    monkeypatch.setattr(jobs, "check", interrupted)
+    with pytest.raises(signals.Stopped) as stopped:
+        entry.run("eval", EvalConfig, lambda *_: None)
+    assert stopped.value.code == 128 + signal.SIGTERM
+    assert capsys.readouterr().err == ""
