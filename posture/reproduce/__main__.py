@@ -53,7 +53,7 @@ class Plan:
 def reproduce(config: ReproduceConfig, folder: Path) -> None:
     """Run the stages of `config`; the report goes into `folder`. Raises RunError if a job failed; the report shows the
     results so far."""
-    check_files(folder)
+    check_files(config, folder)
     plan = make_plan(config, folder)
     wanted = [job for own in plan.wanted.values() for job in own]
     progress = SweepProgress(wanted)
@@ -76,11 +76,13 @@ def reproduce(config: ReproduceConfig, folder: Path) -> None:
         raise RunError("a training or an evaluation failed, see above; the same command tries again")
 
 
-def check_files(folder: Path) -> None:
-    """Raise ConfigError if a file of the report cannot be written to `folder`."""
+def check_files(config: ReproduceConfig, folder: Path) -> None:
+    """Raise ConfigError if a file of the report or of the archive cannot be written to `folder`."""
     run_dir.writable(folder, "report.html", "summary.md", "provenance.yaml")
     run_dir.writable(folder / "tables", *(f"{name}.csv" for name in (*TRAININGS, *EVALUATIONS, "verdicts")))
     run_dir.writable(folder / "figures", *(f"{name}.png" for name in text.FIGURES))
+    if "archive" in config.stages:
+        run_dir.writable(folder / "policies")
 
 
 def make_plan(config: ReproduceConfig, folder: Path) -> Plan:

@@ -190,6 +190,15 @@ def test_bad_input(monkeypatch, capsys, tmp_path, argument, expected):
     assert not Path("runs").exists()
 
 
+def test_a_file_in_the_place_of_the_archive_is_refused(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "report").mkdir()
+    (tmp_path / "report" / "policies").touch()
+    line = refused(monkeypatch, capsys, "reproduce", "out=report", "stages=[archive]")
+    assert line == f"error: cannot write to the folder {tmp_path / 'report' / 'policies'}: Not a directory"
+    assert "no policy of" in refused(monkeypatch, capsys, "reproduce", "out=report", "stages=[report]")
+
+
 def test_what_the_last_command_would_refuse_is_refused_before_the_first_training(monkeypatch, capsys, tmp_path):
     """`posture.dynamics` needs longer trials than the others."""
     monkeypatch.chdir(tmp_path)
