@@ -16,7 +16,7 @@ from posture.reproduce.claims.frequency import switches
 from posture.reproduce.claims.targets import targets
 from posture.reproduce.claims.verdict import Transitions
 from posture.reproduce.experiments import PUBLISHED
-from tests.commands import table
+from tests.commands import call, table
 from tests.posture.reproduce.examples import PAPER, REPORT, TEN
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -319,3 +319,15 @@ def test_the_table_of_seeds_has_their_switches():
     section = (ROOT / "docs" / "learning.md").read_text(encoding="utf-8").partition("## The default, seeds 1 to 5")[2]
     rows = re.findall(r"^\| (\d) \|.*\| ([\d.]+) \|$", section.partition("\n## ")[0], flags=re.M)
     assert dict(rows) == {str(seed): f"{hz:.3f}" for seed, hz in switches(results("frequency")).items()}
+
+
+@pytest.mark.slow
+def test_hips_of_100_are_as_the_shipped_policies_find_them(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    found = {}
+    for name in PUBLISHED:
+        trial = ["env.hip_k=100", "evaluation.freq=[0.5]", "evaluation.figures=false"]
+        call(monkeypatch, "eval", f"ckpt=pretrained/{name}", f"out={name}", *trial)
+        (found[name],) = read_csv(Path(name) / "metrics.csv")
+    assert found["as_run"].fell and not found["as_published"].fell
+    assert f"| anti-phase (r {found['as_published'].hip_ankle_r:.2f}) | falls | a training" in text("docs/results.md")
