@@ -135,7 +135,7 @@ def _learn(
         raise ConfigError(f"device: under torchrun each process has a GPU of its own; give cuda, not {config.device}")
     torch.set_num_threads(config.threads)
     torch.manual_seed(config.seed + 1_000_003 * rank)
-    begun_from = None if resume or config.init is None else run_dir.find_checkpoint(config.init, "init")
+    begun_from = None if resume or config.init is None else run_dir.find_init(config.init)
     if rank == 0:
         run_dir.writable(folder)
         if not resume:
@@ -171,12 +171,7 @@ def check(configs: Sequence[TrainConfig], in_sweep: bool) -> None:
         if config.init == "latest" and in_sweep:
             raise ConfigError("init=latest changes during a sweep: name the run")
         if config.init is not None:
-            checkpoint = run_dir.find_checkpoint(config.init, "init")
-            if run_dir.is_shipped(checkpoint):
-                raise ConfigError(
-                    f"init: {config.init} comes without the value function that a training goes on from; allowed are "
-                    "a checkpoint or a run of your own, or latest"
-                )
+            checkpoint = run_dir.find_init(config.init)
             source = run_dir.read_config(checkpoint.parent)
             for name in ("actor", "critic"):
                 if different := _differences(source, config, name):
@@ -206,7 +201,7 @@ def _check_weights(config: TrainConfig) -> None:
     from posture.storage import checkpoint
 
     assert config.init is not None
-    model = run_dir.find_checkpoint(config.init, "init")
+    model = run_dir.find_init(config.init)
     content = checkpoint.as_policy(checkpoint.load(model, "cpu"))
     load_network(content, config, "actor", model)
     load_network(content, config, "critic", model)

@@ -146,6 +146,7 @@ def _run_single(kind: type[Config], task: Callable[[Config, Path], Any], compose
     except ConfigError as error:
         _refuse(error)  # not further up, because Hydra adds its own lines
     except FAILURES as error:
+        signals.raise_stopped(error)
         print(f"error: {one_line(error)}", file=sys.stderr)
         sys.exit(1)
 
@@ -177,6 +178,7 @@ def _run_sweep(
         except _BAD_INPUT:
             raise
         except Exception as error:  # a process was killed, or a cluster job ran out of time
+            signals.raise_stopped(error)
             print(f"error: the launcher stopped: {type(error).__name__}: {one_line(error)}", file=sys.stderr)
 
 

@@ -14,7 +14,8 @@ from types import FrameType
 
 from posture import operating_system
 
-POOL_S = 2.0  # longest wait for a pool whose processes are ended
+POOL_S = 2.0
+"""Longest wait for a pool whose processes are ended [s]."""
 NUMBERS = operating_system.STOP_SIGNALS
 _pending = 0
 _hung_up = False
@@ -85,16 +86,17 @@ def blocked() -> Iterator[None]:
 
 
 def _end_pools() -> None:
-    """End the processes of every pool, which would first finish the work they have, and wait until the pool has noticed."""
+    """End the processes of every pool, which would first finish the work they have.
+
+    A thread of the pool then marks the waiting work as failed. Wait for it: `Stopped` cancels that work, and in Python 3.11
+    the thread ends with a traceback if it meets cancelled work (python/cpython#107219).
+    """
     children = multiprocessing.active_children()
     for process in children:
         process.terminate()
-    if children:
-        # A thread of the pool marks the waiting work as failed. If `Stopped` cancels that work meanwhile, this thread ends
-        # with a traceback in Python 3.11.7 and older (python/cpython#107219).
-        for thread in threading.enumerate():
-            if thread is not threading.current_thread() and not thread.daemon:
-                thread.join(POOL_S)
+    for thread in threading.enumerate() if children else []:
+        if type(thread).__module__ == "concurrent.futures.process" and thread.is_alive():
+            thread.join(POOL_S)
 
 
 def _handle(number: int, frame: FrameType | None) -> None:

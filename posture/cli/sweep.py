@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from posture.cli import output
+from posture.cli import output, signals
 from posture.cli.jobs import Job
 from posture.config.errors import ConfigError
 from posture.config.train import TrainConfig
@@ -48,6 +48,7 @@ def run_job(task: Callable[[], Any], folder: Path, to_log: bool) -> Any:
         try:
             result = task()
         except Exception as error:
+            signals.raise_stopped(error)
             reason = " ".join(str(error).split())
             if not isinstance(error, ConfigError):
                 reason = f"{type(error).__name__}: {reason}"

@@ -1,6 +1,6 @@
 """Configuration of the training; values, units and sources in conf/train.yaml."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from omegaconf import DictConfig, ListConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -107,15 +107,20 @@ def amplitudes(share: float, from_hz: float, *, _root_: DictConfig) -> list[floa
     if "agent" not in _root_:
         return None
     try:
-        keys = ("freq", "amplitude", "termination.head_tolerance", "reward.tolerance")
+        keys = ("freq", "amplitude", "termination.head_tolerance", "reward.tolerance", "ranges.tolerance")
         freq, amplitude, *tolerances = (OmegaConf.select(_root_, f"env.{key}") for key in keys)
     except OmegaConfBaseException:
         return None
-    slowest = freq[0] if isinstance(freq, ListConfig) and freq else freq
-    limits = [limit for limit in tolerances if limit is not None]
+    slowest = _end(freq, 0)
+    limits = [_end(tolerance, -1) for tolerance in tolerances if tolerance is not None]
     numbers = (slowest, amplitude, *limits)
     # An integer may be larger than any float.
     if not all(type(number) in (int, float) and abs(number) < 1e9 for number in numbers) or slowest < from_hz:
         return None
     low = max(float(f"{share * amplitude:.6g}"), *limits)
     return [low, amplitude] if low < amplitude else None
+
+
+def _end(value: Any, index: int) -> Any:
+    """An end of a range; a single number is both ends."""
+    return value[index] if isinstance(value, ListConfig) and value else value

@@ -77,12 +77,18 @@ def find_run(name: str) -> Path:
     return folder
 
 
-def find_checkpoints(name: str | Sequence[str], wanted: Callable[[Path], bool] | None = None) -> list[Path]:
+SELECT_SEVERAL = "a checkpoint, a run folder, a sweep folder, latest, or pretrained"
+SELECT_OWN = "a checkpoint or a run of your own, or latest"
+
+
+def find_checkpoints(
+    name: str | Sequence[str], wanted: Callable[[Path], bool] | None = None, allowed: str = SELECT_SEVERAL
+) -> list[Path]:
     """Checkpoint files that `ckpt=name` selects: a file, the newest of a run folder, of each run of a sweep or of the latest
     run, or a shipped one; or those of a list of such names. `wanted` selects among the runs of a sweep. Raises
-    ConfigError if there is none."""
+    ConfigError if there is none; it says what is `allowed`."""
     if not isinstance(name, str):
-        return [model for one in name for model in find_checkpoints(one, wanted)]
+        return [model for one in name for model in find_checkpoints(one, wanted, allowed)]
     path = Path(name)
     if name == "latest":
         runs = [find_run(name)]
@@ -103,9 +109,7 @@ def find_checkpoints(name: str | Sequence[str], wanted: Callable[[Path], bool] |
         if not runs:
             raise ConfigError(f"{name}: no run in it is finished and of the current code; train them again")
     else:
-        raise ConfigError(
-            f"{name}: no such file or folder; allowed are a checkpoint, a run folder, a sweep folder, latest, or pretrained"
-        )
+        raise ConfigError(f"{name}: no such file or folder; allowed are {allowed}")
     found = [newest_model(run) for run in runs]
     if not any(found):
         raise ConfigError(f"{name}: no checkpoint (model_<n>.pt) in it yet")
@@ -115,9 +119,22 @@ def find_checkpoints(name: str | Sequence[str], wanted: Callable[[Path], bool] |
     return [model for model in found if model is not None]
 
 
-def find_checkpoint(name: str, key: str = "ckpt") -> Path:
-    """The only checkpoint file that `key`=name selects. Raises ConfigError if there are several, or none."""
-    models = find_checkpoints(name)
+def find_checkpoint(name: str) -> Path:
+    """The only checkpoint file that `ckpt=name` selects. Raises ConfigError if there are several, or none."""
+    return _only(name, find_checkpoints(name), "ckpt")
+
+
+def find_init(name: str) -> Path:
+    """The checkpoint file that `init=name` selects. Raises ConfigError if there are several or none, or if it is shipped."""
+    model = _only(name, find_checkpoints(name, allowed=SELECT_OWN), "init")
+    if is_shipped(model):
+        raise ConfigError(
+            f"init: {name} comes without the value function that a training goes on from; allowed are {SELECT_OWN}"
+        )
+    return model
+
+
+def _only(name: str, models: Sequence[Path], key: str) -> Path:
     if len(models) > 1:
         raise ConfigError(f"{key}: {name} holds {len(models)} policies; allowed is one, for example {models[0]}")
     return models[0]
@@ -133,7 +150,7 @@ def _pretrained(name: str) -> Path:
 
 def is_shipped(model: Path) -> bool:
     """Whether a checkpoint is shipped with the package."""
-    return PRETRAINED in model.parents
+    return PRETRAINED in model.resolve().parents
 
 
 def newest_model(run: Path) -> Path | None:

@@ -2,6 +2,7 @@
 
 import hashlib
 import importlib.metadata
+import os
 import shutil
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import yaml
 from posture.config.errors import ConfigError
 from posture.learning import parallel
 from posture.learning.learner import Learner
-from posture.storage import checkpoint
+from posture.storage import checkpoint, run_dir
 from posture.train import _learn, _report_unfinished_schedules
 from tests.commands import TINY, call, refused, same
 from tests.conftest import compose
@@ -108,13 +109,18 @@ def test_noise_below_its_bound_is_raised_to_it(run, monkeypatch):
             ["agent.obs_groups.actor=[target_motion,policy]"],
             "the actor of run has its observations in another order",
         ),
-        (["init=nowhere"], "nowhere: no such file or folder"),
+        (["init=nowhere"], "nowhere: no such file or folder; allowed are a checkpoint or a run of your own, or latest"),
         (["init=pretrained"], "init: pretrained comes without the value function that a training goes on from; allowed are"),
     ],
 )
 def test_another_network_or_observation_is_refused(run, monkeypatch, capsys, changes, problem):
     assert problem in refused(monkeypatch, capsys, "train", *QUICK, "init=run", *changes)
     assert not Path("tuned").exists()
+
+
+def test_a_shipped_policy_is_known_by_any_path(run, monkeypatch, capsys):
+    path = os.path.relpath(run_dir.PRETRAINED / "default")
+    assert f"init: {path} comes without the value" in refused(monkeypatch, capsys, "train", *QUICK, f"init={path}")
 
 
 def test_weights_that_do_not_fit_their_configuration_are_refused(run, monkeypatch, capsys):

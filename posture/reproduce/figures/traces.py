@@ -187,7 +187,7 @@ def recorded_steps(trajectory: Trajectory, w: int) -> int:
 
 
 def _correlation(world: World, a: Array, b: Array) -> float:
-    """Of two signals (T, W) before the world's end or fall; nan where nothing is recorded."""
+    """Of two signals (T, W) before the trial's end or a fall; nan where nothing is recorded."""
     steps = recorded_steps(world.trajectory, world.number)
     return correlation(a[:steps, world.number], b[:steps, world.number]) if steps else math.nan
 

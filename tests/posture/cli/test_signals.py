@@ -1,8 +1,10 @@
 """A signal ends work that is shared among processes, and is never taken for bad input."""
 
+import multiprocessing
 import signal
 import subprocess
 import sys
+import threading
 import time
 
 import pytest
@@ -41,6 +43,22 @@ def test_a_pool_ends_with_its_program(attempt, tmp_path):
     assert time.monotonic() - began < 30.0  # without the signal to the pool: 180 s
     assert process.returncode == 128 + signal.SIGTERM
     assert errors == b""
+
+
+def test_a_signal_waits_for_pools_alone():
+    ended = threading.Event()
+    other = threading.Thread(target=ended.wait)
+    other.start()
+    child = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60.0,))
+    child.start()
+    began = time.monotonic()
+    with pytest.raises(signals.Stopped), signals.handled():
+        signal.raise_signal(signal.SIGTERM)
+    assert time.monotonic() - began < 1.0
+    child.join(10.0)
+    assert child.exitcode == -signal.SIGTERM
+    ended.set()
+    other.join()
 
 
 def test_a_library_that_fails_while_it_is_interrupted_is_not_bad_input(monkeypatch, capsys):

@@ -21,6 +21,16 @@ from tests.conftest import compose
         (["env.freq=1.2", "env.amplitude=0.2"], (0.08, 0.2)),
         (["env.freq=1.2", "env.amplitude=0.06"], (0.035, 0.06)),  # not below the tolerance of 35 mm
         (["env.freq=1.2", "env.amplitude=0.06", "env.termination.head_tolerance=null"], (0.025, 0.06)),
+        (
+            [
+                "env.freq=1.2",
+                "env.amplitude=0.06",
+                "env.termination.head_tolerance=null",
+                "env.ranges.tolerance=[0.01,0.05]",
+            ],
+            (0.05, 0.06),
+        ),
+        (["env.freq=1.2", "env.reward.tolerance=[0.01,0.03]"], (0.04, 0.1)),
         (["env.freq=1.2", "env.amplitude=0.035"], None),
         (["env.freq=1.2", "env.amplitude=[0.05,0.08]"], (0.05, 0.08)),
         (["env.freq=1.2", "env.ranges.amplitude=null"], None),
