@@ -63,7 +63,7 @@ def trend_rule(what: str, rules: ClaimRules, needed: float | None = None) -> str
     return (
         f"Spearman's rank correlation (rho) of {what}, of the means over the seeds that stood. In the paper's direction, "
         f"reproduced: at least {least:.2g}; partly: at least {rules.rho_partly:g}. "
-        f"{measured_rule(rules)}"
+        f"{measured_rule(rules)} Not reproduced if, because of falls, fewer have a value."
     )
 
 
@@ -154,5 +154,5 @@ def trend(
 
 
 def spearman(a: Sequence[float], b: Sequence[float]) -> float:
-    """Spearman's rank correlation [-]; nan if one is constant."""
-    return correlation(rankdata(a), rankdata(b))
+    """Spearman's rank correlation [-], rounded to 1e-9, so that exactly 0.4 is at least 0.4; nan if one is constant."""
+    return round(correlation(rankdata(a), rankdata(b)), 9)

@@ -93,7 +93,7 @@ def _sections(
     if by_recipe:
         published = [
             text.AS_PUBLISHED,
-            tables.recipe_table(reproduction.recipes, paper),
+            tables.recipe_table(reproduction.recipes, energy or [], stiffness or [], paper),
             tables.recipe_verdict_table(by_recipe),
         ]
     body = [

@@ -31,6 +31,12 @@ def test_rank_correlation_equals_scipys(pairs: list[tuple[float, float]]) -> Non
     assert spearman(a, b) == pytest.approx(spearmanr(a, b).statistic)
 
 
+def test_a_rank_correlation_at_a_limit_reaches_it() -> None:
+    """Squared differences of the ranks: 64 + 36 + 0 + 9 + 16 + 16 + 9 + 9 + 9 = 168, so rho = 1 - 6 * 168 / 720 = -0.4."""
+    falling = [136.0, 20.5, 11.1, 16.2, 6.1, 11.0, 14.0, 14.5, 14.7]
+    assert spearman(range(9), falling) == -0.4
+
+
 def test_combined_parts() -> None:
     yes, no, half = part(True, "a"), part(False, "b"), Judgement(Outcome.PARTLY, "c")
     assert combined(yes, yes) == Judgement(Outcome.REPRODUCED, "a; a")
