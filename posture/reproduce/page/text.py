@@ -41,8 +41,8 @@ fitted: masses, lengths and springs are those of the simulated body.
 AS_PUBLISHED = """
 Our training differs from the published one in reward, observations, episodes and learner, because the published one is hard
 to learn from. Here the reward, observations and episodes of the authors' code were trained on as well, with the values of
-paper Table 2 and rsl-rl's PPO, which is not the authors' implementation: it measures the change of the policy over all epochs
-of an iteration, so that the KL threshold is twice that of Table 2. These trainings took 262 million samples, the 1000
+paper Table 2 and rsl-rl's PPO, which is not the authors' implementation: it measures the change of the policy over all
+epochs of an iteration, so that the KL threshold is twice that of Table 2. These trainings took 262 million samples, the 1000
 iterations of 8192 worlds and 32 steps that the authors' configuration allows. Table 2 has 5,000,000 training steps; if they
 are samples, that is 19 iterations.
 
