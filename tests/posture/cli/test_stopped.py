@@ -31,6 +31,8 @@ FOREVER = "max_iterations=1000000"
 RARE = "agent.save_interval=1000000"
 LIMIT_S = 180
 """On a busy machine two processes take half a minute to start."""
+UNTIL_ALL_TRAIN_S = 1.0
+"""The first process opens its log before it trains; the others may be a moment behind."""
 
 
 @contextlib.contextmanager
@@ -100,7 +102,7 @@ def stop_and_resume(monkeypatch, number, processes, to_all):
     shared, run = [*PLAIN, *CONSTANT, f"processes={processes}", RARE], Path("stopped")
     with started(*shared, FOREVER, f"hydra.run.dir={run}") as process:
         wait_for(lambda: list(run.glob("events.out.*")), process)
-        time.sleep(0.3)
+        time.sleep(UNTIL_ALL_TRAIN_S)
         (os.killpg if to_all else os.kill)(process.pid, number)
         out, err = process.communicate(timeout=LIMIT_S)
     assert process.returncode == 128 + number, err
@@ -125,6 +127,7 @@ def test_a_closed_terminal_ends_the_iteration_and_saves(processes):
     """It sends SIGHUP to all processes, more than once, and its output is gone."""
     with started(*PLAIN, f"processes={processes}", RARE, FOREVER, "hydra.run.dir=hung_up") as process:
         wait_for(lambda: list(Path("hung_up").glob("events.out.*")), process)
+        time.sleep(UNTIL_ALL_TRAIN_S)
         process.stdout.close()
         process.stderr.close()
         for _ in range(3):
