@@ -171,8 +171,7 @@ def check(configs: Sequence[TrainConfig], in_sweep: bool) -> None:
         if config.init == "latest" and in_sweep:
             raise ConfigError("init=latest changes during a sweep: name the run")
         if config.init is not None:
-            checkpoint = run_dir.find_init(config.init)
-            source = run_dir.read_config(checkpoint.parent)
+            source = run_dir.read_config(run_dir.find_init(config.init).parent)
             for name in ("actor", "critic"):
                 if different := _differences(source, config, name):
                     raise ConfigError(f"init: the {name} of {config.init} has {different}; allowed are equal ones")
